@@ -189,11 +189,11 @@ fn judgement(args: &Check, targets: usize, sum: &Summary, (unjudged, digest): (F
         skipped,
         more_skipped,
         allows_unjudged: args.allow_unjudged,
-        verdicts: Verdicts::new(
-            Verdict::new(digest.worst.into_iter().next(), Some(args.max_error)),
-            Verdict::new(digest.way, ways),
-            Verdict::new(digest.jump, args.max_jump),
-        ),
+        verdicts: Verdicts {
+            targets: Verdict { limit_mm: Some(args.max_error), largest: digest.worst.into_iter().next() },
+            ways: Verdict { limit_mm: ways, largest: digest.way },
+            jumps: Verdict { limit_mm: args.max_jump, largest: digest.jump },
+        },
     }
 }
 

@@ -106,7 +106,6 @@ pub(super) fn shares(what: &'static str, quiet: bool) -> ProgressBar {
 }
 
 /// Sets the bar to a share of the task, 0 to 1.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a share of the parts
 pub(super) fn reached(bar: &ProgressBar, share: f64) {
     bar.set_position((share * PARTS as f64) as u64);
 }

@@ -11,10 +11,15 @@ use std::path::PathBuf;
 ///
 /// # Examples
 /// ```
-/// use deflex::session::ProgramFiles;
+/// use deflex::program::Language;
+/// use deflex::session::{CellFile, ProgramFiles};
 ///
-/// let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
-/// println!("{}", program.name());
+/// let files = ProgramFiles::read(&["samples/blade/blade.aptsource".into()], &[], None)?;
+/// assert!(files.language() == Language::Cl && files.name().ends_with("blade.aptsource"));
+/// assert_eq!((files.sources().len(), files.names().len()), (1, 1));
+/// assert!(files.companions().is_empty()); // it has no .pgf list
+/// let cell = CellFile::read("samples/blade/cell.toml".as_ref())?;
+/// assert_eq!(files.parse(&cell, None)?.targets.len(), files.parse_alone()?.targets.len());
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -49,28 +54,12 @@ impl ProgramFiles {
     }
 
     /// Language of all its files.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::session::{CellFile, ProgramFiles, Run};
-    /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
-    /// assert_eq!(program.language(), deflex::program::Language::Rapid);
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn language(&self) -> Language {
         self.job.language
     }
 
     /// Texts of the files, in the order in which they were given.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::session::{CellFile, ProgramFiles, Run};
-    /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
-    /// assert_eq!(program.sources().len(), 1);
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn sources(&self) -> Vec<&Source> {
         self.job.texts.iter().filter_map(Text::source).collect()
@@ -82,28 +71,12 @@ impl ProgramFiles {
     }
 
     /// Names of the files in an output folder.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::session::{CellFile, ProgramFiles, Run};
-    /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
-    /// assert_eq!(program.names().len(), 1);
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn names(&self) -> &[PathBuf] {
         &self.job.files
     }
 
     /// Files that are copied into the output folder without a change: a `.pgf` list.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::session::{CellFile, ProgramFiles, Run};
-    /// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
-    /// assert!(program.companions().is_empty()); // it has no .pgf list
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn companions(&self) -> &[(PathBuf, Vec<u8>)] {
         &self.job.companions
@@ -114,16 +87,6 @@ impl ProgramFiles {
     ///
     /// # Errors
     /// Everything that the reader of the language refuses; for CL data, a cell without a `[cl]` table.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::session::{CellFile, ProgramFiles};
-    ///
-    /// let cell = CellFile::read("samples/blade/cell.toml".as_ref())?;
-    /// let program = ProgramFiles::read(&["samples/blade/blade.aptsource".into()], &[], None)?.parse(&cell, None)?;
-    /// assert_eq!(program.targets.len(), 2302);
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     pub fn parse(&self, cell: &CellFile, tool: Option<&str>) -> Result<Program, Vec<Diagnostic>> {
         input::program(self.job.clone(), &self.context, cell, tool)
     }
@@ -132,15 +95,6 @@ impl ProgramFiles {
     ///
     /// # Errors
     /// Everything that the reader of the language refuses.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::session::ProgramFiles;
-    ///
-    /// let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?.parse_alone()?;
-    /// assert_eq!(&*program.tools[0].name, "tMill");
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     pub fn parse_alone(&self) -> Result<Program, Vec<Diagnostic>> {
         input::program_alone(self.job.clone(), &self.context)
     }

@@ -17,9 +17,13 @@ use std::path::Path;
 ///
 /// # Examples
 /// ```
+/// use deflex::measured::ColumnNames;
 /// use deflex::session::MeasuredFile;
+/// use deflex::text::Source;
 ///
 /// let measured = MeasuredFile::read("samples/closed-loop/measured.csv".as_ref())?;
+/// let names = ColumnNames::parse("target=Point,normal_mm=Deviation")?;
+/// let probed = MeasuredFile::of(Source::new("probe", "Point;Deviation\n1;0,12\n")).read_as(Some(names), 5.0);
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -39,14 +43,6 @@ impl MeasuredFile {
     }
 
     /// Uses a table that is already in memory.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::session::MeasuredFile;
-    /// use deflex::text::Source;
-    ///
-    /// let measured = MeasuredFile::of(Source::new("probe", "target,normal_mm\n1,0.12\n2,0.14\n"));
-    /// ```
     #[must_use]
     pub fn of(table: Source) -> Self {
         Self { source: table, names: None, match_mm: None }
@@ -54,17 +50,6 @@ impl MeasuredFile {
 
     /// Sets the names of the columns (`--columns`) and the largest distance from the path, in mm, of a row that names
     /// no target (`--match-mm`).
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::session::MeasuredFile;
-    /// # use deflex::text::Source;
-    /// use deflex::measured::ColumnNames;
-    ///
-    /// let names = ColumnNames::parse("target=Point,normal_mm=Deviation")?;
-    /// let measured = MeasuredFile::of(Source::new("probe", "Point;Deviation\n1;0,12\n")).read_as(Some(names), 5.0);
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn read_as(self, names: Option<ColumnNames>, match_mm: f64) -> Self {
         Self { names, match_mm: Some(match_mm), ..self }
@@ -211,9 +196,9 @@ pub fn identify(
 ) -> Result<Identified, Vec<Diagnostic>> {
     if let Some(tool) = tool.filter(|_| poses.is_empty() && runs.iter().all(|run| run.program.language().is_edited())) {
         let message = format!("--tool {tool} has no effect: it is for --poses and for CL data, and none are given");
-        return Err(vec![
-            Diagnostic::error("usage.tool", "", message).help("leave it out: the program names its tools"),
-        ]);
+        return Err(Diagnostic::error("usage.tool", "", message)
+            .help("leave it out: the program names its tools")
+            .into());
     }
     let parsed = all(runs.iter().map(|run| run.parse(cell, tool)));
     let (parsed, tables) = both(parsed, all(poses.iter().map(|poses| poses.table(cell))))?;

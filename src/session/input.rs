@@ -30,10 +30,9 @@ pub(crate) fn program(
     let Some(options) = cell.cl_options(tool) else {
         let message =
             format!("[cl] is missing: {} is CL data, whose tool, work object and spin only the cell knows", job.name);
-        return Err(vec![
-            Diagnostic::error("cell.no-cl", &cell.name, message)
-                .help("add [cl] with tool, wobj, units, point and spin"),
-        ]);
+        return Err(Diagnostic::error("cell.no-cl", &cell.name, message)
+            .help("add [cl] with tool, wobj, units, point and spin")
+            .into());
     };
     parse(job, context, &ReadOptions { cl: &options, look: false })
 }
@@ -89,6 +88,8 @@ impl Context {
 /// use deflex::session::CellFile;
 ///
 /// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
+/// assert!(cell.cell().arm.robot.model.starts_with("irb6660"));
+/// let same = CellFile::parse(cell.source().clone())?;
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
 #[derive(Debug)]
@@ -114,16 +115,6 @@ impl CellFile {
     ///
     /// # Errors
     /// The text is not a valid cell (see [`Cell::read`]), or a mesh cannot be read or is not a closed solid.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::session::CellFile;
-    /// use deflex::text::Source;
-    ///
-    /// let cell = CellFile::parse(Source::new("cell.toml", "[robot]\nmodel = \"kr240-r2900-2\"\n"))?;
-    /// assert!(cell.cell().cut.is_none());
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     pub fn parse(source: Source) -> Result<Self, Vec<Diagnostic>> {
         let mut cell = Cell::read(&source).map_err(|errors| match detect("", &source.bytes) {
             Some(_) => {
@@ -140,30 +131,12 @@ impl CellFile {
     }
 
     /// The checked cell.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::session::CellFile;
-    ///
-    /// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
-    /// assert!(cell.cell().arm.robot.model.starts_with("irb6660"));
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn cell(&self) -> &Cell {
         &self.cell
     }
 
     /// Text of the cell file.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex::session::CellFile;
-    ///
-    /// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
-    /// assert!(cell.source().name.ends_with("cell.toml"));
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn source(&self) -> &Source {
         &self.source

@@ -71,8 +71,14 @@ pub type Follow = dyn Fn(usize, u64) -> bool + Send + Sync;
 /// # Examples
 /// ```
 /// use deflex::session::{CellFile, Run};
+/// use deflex::text::Source;
 ///
-/// let run = Run::new(CellFile::read("samples/slot/cell.toml".as_ref())?.into());
+/// let mut run = Run::new(CellFile::read("samples/closed-loop/cell.toml".as_ref())?.into());
+/// run.options().subdivide = Some(2e-5); // m: inserts targets, as `--subdivide 0.02` does
+/// run.take_forces(&Source::new("forces", "target,fx_n,fy_n,fz_n\n1,0,0,120\n2,0,0,90\n"))?;
+/// run.read_forces("samples/closed-loop/measured.csv".as_ref())?; // replaces them
+/// assert_eq!(run.inputs().count(), 1); // the cell
+/// assert_eq!(Run::posted_from("blade.aptsource".as_ref()).name, "blade");
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
 #[derive(Clone)]
@@ -100,14 +106,6 @@ impl Run {
 
     /// The options of the library. Set its `forces` with [`Run::read_forces`] or [`Run::take_forces`], which check
     /// them.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::session::{CellFile, Run};
-    /// let mut run = Run::new(CellFile::read("samples/slot/cell.toml".as_ref())?.into());
-    /// run.options().subdivide = Some(2e-5); // m: inserts targets, as `--subdivide 0.02` does
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     pub fn options(&mut self) -> &mut Options {
         &mut self.setup.options
     }
@@ -116,14 +114,6 @@ impl Run {
     ///
     /// # Errors
     /// The file cannot be read, or is not a table of forces.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::session::{CellFile, Run};
-    /// let mut run = Run::new(CellFile::read("samples/closed-loop/cell.toml".as_ref())?.into());
-    /// run.read_forces("samples/closed-loop/measured.csv".as_ref())?;
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     pub fn read_forces(&mut self, path: &Path) -> Result<(), Vec<Diagnostic>> {
         let names = self.setup.cell.cell.columns.as_ref();
         let read = ForceFile::read(path, names)?;
@@ -135,16 +125,6 @@ impl Run {
     ///
     /// # Errors
     /// The text is not a table of forces.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::session::{CellFile, Run};
-    /// use deflex::text::Source;
-    ///
-    /// let mut run = Run::new(CellFile::read("samples/closed-loop/cell.toml".as_ref())?.into());
-    /// run.take_forces(&Source::new("forces", "target,fx_n,fy_n,fz_n\n1,0,0,120\n2,0,0,90\n"))?;
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     pub fn take_forces(&mut self, table: &Source) -> Result<(), Vec<Diagnostic>> {
         let names = self.setup.cell.cell.columns.as_ref();
         let read = ForceFile::of(table.name.clone(), &table.bytes[..], names)?;
@@ -158,27 +138,12 @@ impl Run {
     }
 
     /// Files that the run reads in addition to the program: the cell, and modules that declare names.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::session::{CellFile, Run};
-    /// let run = Run::new(CellFile::read("samples/slot/cell.toml".as_ref())?.into());
-    /// assert_eq!(run.inputs().count(), 1); // the cell
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     pub fn inputs(&self) -> impl Iterator<Item = &Path> {
         let context = self.setup.context.sources().iter();
         context.map(|source| Path::new(&source.name)).chain([Path::new(&self.setup.cell.name)])
     }
 
     /// How CL data from this file are posted by default.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex::session::Run;
-    /// let options = Run::posted_from("blade.aptsource".as_ref());
-    /// assert_eq!(options.name, "blade");
-    /// ```
     #[must_use]
     pub fn posted_from(file: &Path) -> PostOptions {
         posted_from(file, file)
@@ -195,14 +160,10 @@ impl Run {
     /// The options for a program that is held as a whole: `follow` receives the progress of the cut, if the cell has a
     /// stock.
     fn options_followed(&self, program: &ProgramFiles) -> Cow<'_, Options> {
-        let options = &self.setup.options;
-        let Some(follow) = self.follow.clone().filter(|_| self.setup.cell.cell.stock.is_some()) else {
-            return Cow::Borrowed(options);
-        };
         let bytes: usize = program.sources().iter().map(|source| source.bytes.len()).sum();
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a share of the bytes
-        let cut_progress = CutProgress::new(move |share| follow(0, (share * bytes as f64) as u64));
-        Cow::Owned(Options { cut_progress, ..options.clone() })
+        let cut_progress =
+            |follow: Arc<Follow>| CutProgress::new(move |share| follow(0, (share * bytes as f64) as u64));
+        self.setup.options_followed(self.follow.clone().map(cut_progress))
     }
 
     /// A place to keep the unrounded numbers of the report, if they are wanted.

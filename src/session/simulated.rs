@@ -21,10 +21,16 @@ const PAGE_TRIANGLES: f64 = 40_000.0;
 /// # Examples
 /// ```
 /// use deflex::session::Simulated;
+/// use deflex::text::Diagnostics;
 ///
-/// /// Writes the mesh of the simulated part.
-/// fn write(simulated: &Simulated) -> std::io::Result<()> {
-///     std::fs::write("part.stl", simulated.stl())
+/// /// Writes the mesh, the page, the table of deviations and the figures of a part, and returns its deepest gouge, mm.
+/// fn write(part: &Simulated) -> Result<Option<f64>, Diagnostics> {
+///     std::fs::write("part.stl", part.stl())?;
+///     std::fs::write("part.html", part.page())?;
+///     std::fs::write("deviations.csv", part.csv())?;
+///     std::fs::write("part.json", part.json()?)?;
+///     print!("{}", part.text());
+///     Ok(part.points().iter().map(|point| point.deviation_mm).min_by(f64::total_cmp))
 /// }
 /// ```
 #[derive(Debug)]
@@ -134,34 +140,12 @@ impl Simulated {
     }
 
     /// Points of the cut surface with their deviations, mm.
-    ///
-    /// # Examples
-    /// ```no_run
-    /// # use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
-    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
-    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
-    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
-    /// # let part = simulate(&program, None, &run, &progress)?;
-    /// let worst = part.points().into_iter().max_by(|a, b| a.deviation_mm.abs().total_cmp(&b.deviation_mm.abs()));
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn points(&self) -> Vec<SurfacePoint> {
         self.maps.last().map(|(_, map)| map.points()).unwrap_or_default()
     }
 
     /// The table that `--report` writes.
-    ///
-    /// # Examples
-    /// ```no_run
-    /// # use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
-    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
-    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
-    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
-    /// # let part = simulate(&program, None, &run, &progress)?;
-    /// std::fs::write("deviations.csv", part.csv())?;
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn csv(&self) -> Vec<u8> {
         map_csv(&self.points())
@@ -174,17 +158,6 @@ impl Simulated {
     }
 
     /// The page that `--html` writes.
-    ///
-    /// # Examples
-    /// ```no_run
-    /// # use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
-    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
-    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
-    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
-    /// # let part = simulate(&program, None, &run, &progress)?;
-    /// std::fs::write("part.html", part.page())?;
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn page(&self) -> String {
         let triangles = self.maps.last().map_or(0, |(_, map)| map.programmed.triangles.len());
@@ -193,17 +166,6 @@ impl Simulated {
     }
 
     /// The text that the command prints.
-    ///
-    /// # Examples
-    /// ```no_run
-    /// # use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
-    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
-    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
-    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
-    /// # let part = simulate(&program, None, &run, &progress)?;
-    /// print!("{}", part.text());
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn text(&self) -> String {
         let row = |(which, f): &(&str, MapFigures)| {
@@ -229,17 +191,6 @@ impl Simulated {
     ///
     /// # Errors
     /// It cannot be written as JSON.
-    ///
-    /// # Examples
-    /// ```no_run
-    /// # use deflex::session::{CellFile, ProgramFiles, Run, SimulationProgress, simulate};
-    /// # let run = Run::new(CellFile::read("samples/stock/cell.toml".as_ref())?.into());
-    /// # let program = ProgramFiles::read(&["samples/stock/part.mod".into()], &[], None)?;
-    /// # let progress: std::sync::Arc<SimulationProgress> = std::sync::Arc::new(|_| true);
-    /// # let part = simulate(&program, None, &run, &progress)?;
-    /// std::fs::write("part.json", part.json()?)?;
-    /// # Ok::<(), deflex::text::Diagnostics>(())
-    /// ```
     pub fn json(&self) -> Result<String, Vec<Diagnostic>> {
         pretty(&self.summary())
     }

@@ -2,9 +2,9 @@
 //!
 //! The lint `unreachable_pub` makes sure that what is written `pub` can be used from outside, so that the text shows what is public.
 
-use crate::sources::source_folders;
+use crate::sources::{files_with_ending, source_folders};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Files whose public items have no name outside of the crate, or a name that the documentation hides.
 const UNNAMED: [&str; 5] = [
@@ -26,17 +26,6 @@ struct Item {
     example: String,
     /// Whether the documentation hides it: the crates of deflex use it, and others need not know it.
     is_hidden: bool,
-}
-
-fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            rust_files(&path, found);
-        } else if path.extension().is_some_and(|ending| ending == "rs") {
-            found.push(path);
-        }
-    }
 }
 
 /// The first word of a text.
@@ -111,8 +100,7 @@ fn every_public_item_has_an_example() {
     let mut without = Vec::new();
     for folder in source_folders() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let mut files = Vec::new();
-        rust_files(&folder, &mut files);
+        let mut files = files_with_ending(&folder, "rs");
         files.retain(|file| !UNNAMED.iter().any(|unnamed| file.starts_with(root.join(unnamed))));
         let items: Vec<Item> = files.iter().flat_map(|path| items(path)).collect();
         assert!(!items.is_empty(), "{} has public items", folder.display());

@@ -1,22 +1,12 @@
 //! Documents that comments and other documents point to are in the repository.
 
+use crate::sources::files_with_ending;
 use std::path::{Path, PathBuf};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Names of documents of the project's beginnings, which a reader of it does not have.
 const ELSEWHERE: [&str; 5] = ["INTERFACE", "PHYSICS", "LANGUAGES", "KRL_LS", "CRATES"];
-
-fn files(folder: &Path, endings: &[&str], found: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            files(&path, endings, found);
-        } else if path.extension().is_some_and(|ending| endings.iter().any(|known| ending == *known)) {
-            found.push(path);
-        }
-    }
-}
 
 /// Words of a text that name a Markdown file.
 fn cited(text: &str) -> impl Iterator<Item = &str> {
@@ -26,10 +16,9 @@ fn cited(text: &str) -> impl Iterator<Item = &str> {
 
 #[test]
 fn every_document_that_a_comment_cites_is_there() {
-    let mut sources = Vec::new();
-    for folder in ["src", "crates", "tests/suite", "benches", "examples"] {
-        files(&Path::new(ROOT).join(folder), &["rs"], &mut sources);
-    }
+    let folders = ["src", "crates", "tests/suite", "benches", "examples"];
+    let files = folders.into_iter().flat_map(|folder| files_with_ending(Path::new(ROOT).join(folder), "rs"));
+    let sources: Vec<PathBuf> = files.collect();
     assert!(sources.len() > 100);
     for path in sources {
         let text = std::fs::read_to_string(&path).unwrap();
@@ -52,8 +41,7 @@ fn every_document_that_a_comment_cites_is_there() {
 
 #[test]
 fn links_between_documents_lead_somewhere() {
-    let mut pages = Vec::new();
-    files(&Path::new(ROOT).join("docs"), &["md"], &mut pages);
+    let mut pages = files_with_ending(Path::new(ROOT).join("docs"), "md");
     pages.extend(
         ["README.md", "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md"].map(|name| Path::new(ROOT).join(name)),
     );

@@ -3,32 +3,17 @@
 #[path = "../../fuzz/invariants.rs"]
 mod invariants;
 
+use crate::sources::files_below;
 use std::path::Path;
-
-/// Asks `holds` of every file of a folder, and of files below it.
-fn each(folder: &Path, holds: &dyn Fn(&[u8])) -> usize {
-    let entries = std::fs::read_dir(folder).expect("a folder of the repository");
-    let mut asked = 0;
-    for entry in entries {
-        let path = entry.expect("an entry").path();
-        if path.is_dir() {
-            asked += each(&path, holds);
-        } else {
-            holds(&std::fs::read(&path).expect("a file"));
-            asked += 1;
-        }
-    }
-    asked
-}
 
 /// Regressions of one target, and the fixtures that it starts from.
 fn hold(target: &str, seeds: &[&str], holds: fn(&[u8])) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut asked = each(&root.join("fuzz/regressions").join(target), &holds);
-    for folder in seeds {
-        asked += each(&root.join(folder), &holds);
-    }
-    assert!(asked > 0, "no inputs for {target}");
+    let own = root.join("fuzz/regressions").join(target);
+    let folders = seeds.iter().map(|folder| root.join(folder)).chain([own]);
+    let files: Vec<_> = folders.flat_map(files_below).collect();
+    files.iter().for_each(|path| holds(&std::fs::read(path).expect("a file")));
+    assert!(!files.is_empty(), "no inputs for {target}");
 }
 
 #[test]

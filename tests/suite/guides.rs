@@ -1,5 +1,6 @@
 //! The guides for contributors list the files that an addition touches: the lists are those of the repository.
 
+use crate::sources::files_below;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -19,11 +20,8 @@ fn listed(page: &str, name: &str) -> BTreeSet<String> {
 /// Files below some folders whose text contains one of some words.
 fn containing(folders: &[&str], words: &[&str]) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
-    let mut open: Vec<_> = folders.iter().map(|folder| Path::new(ROOT).join(folder)).collect();
-    while let Some(path) = open.pop() {
-        if path.is_dir() {
-            open.extend(std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
-        } else if let Ok(text) = std::fs::read_to_string(&path)
+    for path in folders.iter().flat_map(|folder| files_below(Path::new(ROOT).join(folder))) {
+        if let Ok(text) = std::fs::read_to_string(&path)
             && words.iter().any(|word| text.contains(word))
         {
             let within = path.strip_prefix(ROOT).unwrap().components();

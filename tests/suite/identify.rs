@@ -16,7 +16,7 @@ fn shared(folder: &str) -> PathBuf {
     Path::new(&std::env::var("DEFLEX_SHARED").unwrap_or_else(|_| "../shared".into())).join(folder)
 }
 
-fn source(path: &Path) -> Source {
+pub(crate) fn source(path: &Path) -> Source {
     Source::new(path.display().to_string(), std::fs::read(path).unwrap())
 }
 
@@ -39,8 +39,18 @@ fn written(folder: &Path, written: Written) -> Identification {
 fn of_table(folder: &Path, table: Table, written: Written) -> Identification {
     let cell = cell(&folder.join("cell.toml"));
     let runs = vec![(program(&folder.join("part.mod")), table).into()];
-    let input = Input { cell: &cell, runs, poses: vec![], tool: None, data_hash: "test", written, progress: &|_| true };
-    identify(input).unwrap()
+    identify(Input { runs, written, ..no_data(&cell) }).unwrap()
+}
+
+/// What is found from rows with their own motor angles.
+fn of_poses(cell: &Cell, table: Table) -> Identification {
+    identify(Input { poses: vec![table], ..no_data(cell) }).unwrap()
+}
+
+/// The input of an identification in a cell, without any measured rows.
+pub(crate) fn no_data(cell: &Cell) -> Input<'_> {
+    let written = Written::default();
+    Input { cell, runs: vec![], poses: vec![], tool: None, data_hash: "test", written, progress: &|_| true }
 }
 
 /// Measured minus predicted on a program that was never fitted, mm rms.
@@ -124,17 +134,7 @@ fn intervals_of_the_practice_cells_hold_the_truth() {
 fn a_real_robot_is_explained_in_stages() {
     let data = shared("data");
     let cell = cell(&data.join("ur5.toml"));
-    let poses = vec![Table::read(&source(&data.join("ur5_grid.csv"))).unwrap()];
-    let found = identify(Input {
-        cell: &cell,
-        runs: vec![],
-        poses,
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &|_| true,
-    })
-    .unwrap();
+    let found = of_poses(&cell, Table::read(&source(&data.join("ur5_grid.csv"))).unwrap());
     let kinds: Vec<&str> = found.added.iter().map(|a| a.kind.as_str()).collect();
     for kind in ["link_geometry", "tool_frame", "joint_error_curve"] {
         assert!(kinds.contains(&kind), "{kinds:?}");
@@ -156,16 +156,7 @@ fn a_large_robot_is_explained_and_every_error_is_a_number() {
             row += 1;
             row % every == 0
         });
-        let input = Input {
-            cell: &cell,
-            runs: vec![],
-            poses: vec![table],
-            tool: None,
-            data_hash: "test",
-            written: Default::default(),
-            progress: &|_| true,
-        };
-        let found = identify(input).unwrap();
+        let found = of_poses(&cell, table);
         assert!(found.after.rms_mm < most, "{file}: {:?}", found.after);
         assert!(found.added.iter().all(|a| a.held_out_rms_before_mm.is_finite()), "{file}");
         let numbers = found.added.iter().flat_map(|a| &a.parameters);
@@ -175,7 +166,7 @@ fn a_large_robot_is_explained_and_every_error_is_a_number() {
 }
 
 /// A stand-in for noise: uniform, of unit variance, the same on every run.
-fn rough(i: usize) -> f64 {
+pub(crate) fn rough(i: usize) -> f64 {
     let x = (i as f64 * 12.9898).sin() * 43_758.545;
     3.464 * (x - x.floor() - 0.5)
 }
@@ -208,17 +199,7 @@ const POSES_CELL: &str = include_str!("../fixtures/parallel_axes.toml");
 #[test]
 fn a_tool_far_off_geometry_and_curves_come_apart() {
     let cell = Cell::read(&Source::new("declared", POSES_CELL.as_bytes().to_vec())).unwrap();
-    let poses = vec![poses_of_a_wrong_arm(600)];
-    let found = identify(Input {
-        cell: &cell,
-        runs: vec![],
-        poses,
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &|_| true,
-    })
-    .unwrap();
+    let found = of_poses(&cell, poses_of_a_wrong_arm(600));
     let kinds: Vec<&str> = found.added.iter().map(|a| a.kind.as_str()).collect();
     for kind in ["tool_frame", "link_geometry", "joint_error_curve"] {
         assert!(kinds.contains(&kind), "{kinds:?}");
@@ -240,16 +221,7 @@ fn shuffled_joint_angles_gain_nothing() {
     let mut table = Table::read(&source(&data.join("ur5_grid.csv"))).unwrap();
     let count = table.rows.len();
     // What joint 1 to 3 leave is given to other rows: the residual no longer follows any joint.
-    let registered = identify(Input {
-        cell: &cell,
-        runs: vec![],
-        poses: vec![table.clone()],
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &|_| true,
-    })
-    .unwrap();
+    let registered = of_poses(&cell, table.clone());
     let left: Vec<[f64; 3]> = registered.residuals.iter().map(|row| row.postfit_mm).collect();
     let prefit: Vec<[f64; 3]> = registered.residuals.iter().map(|row| row.prefit_mm).collect();
     for (i, row) in table.rows.iter_mut().enumerate() {
@@ -260,16 +232,7 @@ fn shuffled_joint_angles_gain_nothing() {
             position[k] += left[other][k] - prefit[i][k];
         }
     }
-    let found = identify(Input {
-        cell: &cell,
-        runs: vec![],
-        poses: vec![table],
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &|_| true,
-    })
-    .unwrap();
+    let found = of_poses(&cell, table);
     assert!(found.added.iter().all(|a| a.kind != "joint_error_curve"), "{:?}", found.added);
     assert!(found.after.rms_mm > 0.9 * found.before.rms_mm);
 }

@@ -1,5 +1,6 @@
 //! Faults of the measurement stand among the rivals: they are said, never named as an effect and never written to a cell.
 
+use crate::identify::{no_data, source};
 use deflex::cell::{Cell, extended};
 use deflex::identify::{Identification, Input, identify};
 use deflex::measured::Table;
@@ -9,10 +10,6 @@ use std::path::{Path, PathBuf};
 
 fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/blind").join(name)
-}
-
-fn source(path: &Path) -> Source {
-    Source::new(path.display().to_string(), std::fs::read(path).unwrap())
 }
 
 fn program(name: &str) -> Program {
@@ -25,16 +22,7 @@ fn table(name: &str) -> Table {
 
 fn found(name: &str, table: Table, cell: &Cell) -> Identification {
     let runs = vec![(program(name), table).into()];
-    identify(Input {
-        cell,
-        runs,
-        poses: vec![],
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &|_| true,
-    })
-    .unwrap()
+    identify(Input { runs, ..no_data(cell) }).unwrap()
 }
 
 fn cell(name: &str) -> Cell {

@@ -1,5 +1,6 @@
 //! Tables with a fault of each kind: each is refused, or the fault is said; none is fitted in silence.
 
+use crate::identify::no_data;
 use deflex::cell::Cell;
 use deflex::identify::{Identification, Input, identify};
 use deflex::measured::{MeasuredRow, Table, TargetRef};
@@ -35,15 +36,8 @@ impl Measured {
     /// The identification from several runs of the program.
     fn identified_runs(&self, tables: Vec<Table>) -> Result<Identification, Vec<Diagnostic>> {
         let program = || rapid::read(vec![self.program.clone()], Vec::new()).unwrap();
-        identify(Input {
-            cell: &self.cell,
-            runs: tables.into_iter().map(|table| (program(), table).into()).collect(),
-            poses: vec![],
-            tool: None,
-            data_hash: "test",
-            written: Default::default(),
-            progress: &|_| true,
-        })
+        let runs = tables.into_iter().map(|table| (program(), table).into()).collect();
+        identify(Input { runs, ..no_data(&self.cell) })
     }
 }
 

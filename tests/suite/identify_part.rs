@@ -1,5 +1,6 @@
 //! A finished part tells how the next one has to be cut: probed points, also of programs that were corrected before.
 
+use crate::identify::no_data;
 use deflex::cell::{Cell, extended};
 use deflex::correct::{Options, compensate, predict};
 use deflex::identify::{Identification, Input, MeasuredRun, identify};
@@ -53,16 +54,7 @@ fn probed(every: usize, error_mm: impl Fn([f64; 2]) -> f64) -> Table {
 }
 
 fn found(cell: &Cell, run: MeasuredRun) -> Identification {
-    let input = Input {
-        cell,
-        runs: vec![run],
-        poses: vec![],
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &|_| true,
-    };
-    identify(input).unwrap()
+    identify(Input { runs: vec![run], ..no_data(cell) }).unwrap()
 }
 
 fn corrected(cell: &Cell, options: &Options) -> Program {

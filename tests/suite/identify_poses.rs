@@ -1,5 +1,6 @@
 //! Rows with their own motor angles: what is found in positions and orientations, and which rows are refused.
 
+use crate::identify::{no_data, rough};
 use deflex::cell::Cell;
 use deflex::identify::{Identification, Input, identify};
 use deflex::measured::Table;
@@ -8,12 +9,6 @@ use deflex::text::{Diagnostic, Source};
 use nalgebra::{Rotation3, Translation3, UnitQuaternion, Vector3};
 
 const CELL: &str = include_str!("../fixtures/parallel_axes.toml");
-
-/// A stand-in for noise: uniform, of unit variance, the same on every run.
-fn rough(i: usize) -> f64 {
-    let x = (i as f64 * 12.9898).sin() * 43_758.545;
-    3.464 * (x - x.floor() - 0.5)
-}
 
 /// One measured row: motor angles (degrees), position (mm), orientation and whether it is held out.
 #[derive(Clone)]
@@ -77,15 +72,7 @@ fn scalar_first(q: &UnitQuaternion<f64>) -> [f64; 4] {
 fn found(csv: String) -> Result<Identification, Vec<Diagnostic>> {
     let cell = Cell::read(&Source::new("cell.toml", CELL.as_bytes().to_vec())).unwrap();
     let poses = vec![Table::read(&Source::new("poses.csv", csv.into_bytes()))?];
-    identify(Input {
-        cell: &cell,
-        runs: vec![],
-        poses,
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &|_| true,
-    })
+    identify(Input { poses, ..no_data(&cell) })
 }
 
 /// Width of a parameter's interval.

@@ -1,5 +1,6 @@
 //! Rows as shops have them: single axes, places instead of targets, a dozen of them.
 
+use crate::identify::{no_data, source};
 use deflex::cell::Cell;
 use deflex::identify::{Identification, Input, identify};
 use deflex::measured::Table;
@@ -10,10 +11,6 @@ use std::path::{Path, PathBuf};
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/blind/plain_wander_backlash-20")
-}
-
-fn source(path: &Path) -> Source {
-    Source::new(path.display().to_string(), std::fs::read(path).unwrap())
 }
 
 fn program() -> Program {
@@ -33,15 +30,7 @@ fn found(program: Program, table: Table) -> Result<Identification, Vec<Diagnosti
 
 fn found_by(cell: &Cell, program: Program, table: Table) -> Result<Identification, Vec<Diagnostic>> {
     let runs = vec![(program, table).into()];
-    identify(Input {
-        cell,
-        runs,
-        poses: vec![],
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &|_| true,
-    })
+    identify(Input { runs, ..no_data(cell) })
 }
 
 #[test]
@@ -54,15 +43,7 @@ fn progress_rises_and_calls_the_run_off() {
         told.len() < 3
     };
     let runs = vec![(program(), table(16)).into()];
-    let input = Input {
-        cell: &cell,
-        runs,
-        poses: vec![],
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &progress,
-    };
+    let input = Input { runs, progress: &progress, ..no_data(&cell) };
     assert_eq!(identify(input).unwrap_err()[0].code, "run.called-off");
     let told = told.lock().unwrap();
     assert!(told.len() == 3 && told.is_sorted() && told.iter().all(|share| (0.01..1.0).contains(share)), "{told:?}");

@@ -1,8 +1,8 @@
 //! The crates are layers, in the order of the table in `ARCHITECTURE.md`. The files of a folder do not import one another in a circle.
 
-use crate::sources::source_folders;
+use crate::sources::{files_with_ending, source_folders};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -15,16 +15,6 @@ fn layers() -> Vec<String> {
         .lines()
         .filter_map(|line| line.strip_prefix("| `crates/")?.split_once('`').map(|(name, _)| name.to_owned()));
     names.collect()
-}
-
-fn sources(folder: &Path, all: &mut Vec<PathBuf>) {
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        match path.is_dir() {
-            true => sources(&path, all),
-            false => all.extend(path.extension().is_some_and(|kind| kind == "rs").then_some(path)),
-        }
-    }
 }
 
 /// A text without its comments and its own tests.
@@ -92,10 +82,8 @@ struct Import {
 
 /// The imports of a crate. Its own files and those of its binary name it as `crate` and as `deflex`.
 fn imports(crate_folder: &Path) -> Vec<Import> {
-    let mut all = Vec::new();
-    sources(crate_folder, &mut all);
     let mut found = Vec::new();
-    for path in all {
+    for path in files_with_ending(crate_folder, "rs") {
         let file = path.strip_prefix(crate_folder).unwrap();
         let mut own: Vec<String> =
             file.with_extension("").iter().map(|part| part.to_str().unwrap().to_owned()).collect();

@@ -48,6 +48,7 @@ mod stream_cl;
 mod stream_declared;
 mod stream_krl;
 mod stream_units;
+mod streamed;
 mod style;
 mod supply;
 mod tutorial;

@@ -1,6 +1,6 @@
 //! The page of messages has every code of the code, and no other.
 
-use crate::sources::source_folders;
+use crate::sources::code_without_tests;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -31,16 +31,9 @@ fn documented() -> BTreeSet<String> {
 /// Quoted words of the sources, without tests, comments and the examples in comments.
 fn quoted() -> BTreeSet<String> {
     let mut found = BTreeSet::new();
-    let mut open = source_folders();
-    while let Some(path) = open.pop() {
-        if path.is_dir() {
-            open.extend(std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
-        } else if path.extension().is_some_and(|ending| ending == "rs") && !path.ends_with("tests.rs") {
-            let text = std::fs::read_to_string(&path).unwrap();
-            let code = text.split("\n#[cfg(test)]\nmod tests {").next().unwrap();
-            let statements = code.lines().filter(|line| !line.trim_start().starts_with("//"));
-            found.extend(statements.flat_map(|line| line.split('"').skip(1)).map(str::to_owned));
-        }
+    for (_, code) in code_without_tests() {
+        let statements = code.lines().filter(|line| !line.trim_start().starts_with("//"));
+        found.extend(statements.flat_map(|line| line.split('"').skip(1)).map(str::to_owned));
     }
     found
 }

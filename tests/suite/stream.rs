@@ -1,14 +1,12 @@
 //! Programs in chunks against the same programs as a whole: the same bytes, the same words.
 
+use crate::streamed::{self, Came, in_chunks, words};
 use deflex::cell::Cell;
-use deflex::correct::{
-    Options, Sinks, StreamError, Streamed, choose_turns, compensate, compensate_chunks, predict, predict_chunks,
-};
+use deflex::correct::{Options, Sinks, StreamError, choose_turns, compensate_chunks, predict, predict_chunks};
 use deflex::program::AnyChunks;
 use deflex::program::rapid::{self, Chunks};
-use deflex::report::html::PathKind;
-use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
-use deflex::text::{Diagnostic, Source, apply};
+use deflex::report::{CSV_HEADER, csv_rows, write_csv};
+use deflex::text::Source;
 use proptest::prelude::*;
 use std::fmt::Write;
 use std::io::Cursor;
@@ -84,59 +82,29 @@ fn cell(text: &str) -> Cell {
     Cell::read(&Source::new("cell.toml", text.as_bytes())).unwrap()
 }
 
-/// What a run gives: program, report, what is said.
-type Came = Result<(Vec<u8>, Vec<u8>, String, Vec<Diagnostic>), Vec<Diagnostic>>;
-
 fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
     let program = rapid::read(vec![Source::new("part.mod", text.as_bytes())], Vec::new())?;
-    let corrected = compensate(&program, cell, options)?;
-    if !corrected.failures.is_empty() {
-        return Err(corrected.failures);
-    }
-    let (mut bytes, mut report) = (Vec::new(), Vec::new());
-    apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
-    write_csv(&corrected.rows, &mut report).unwrap();
-    let said = summary_line(&FileSummary::new("", &corrected), PathKind::Compensate);
-    Ok((bytes, report, format!("{said} {:?}", corrected.driven), corrected.notes))
+    streamed::whole(&program, cell, options)
 }
 
 /// Bytes of a chunk in these tests: a quarter of what the command line reads at once, so that a short program has several chunks.
 const CHUNK: usize = rapid::CHUNK / 4;
 
 /// The program in chunks of [`CHUNK`] bytes; `None` where it is not straight.
-fn in_chunks(text: &str) -> Option<Chunks<Cursor<&[u8]>>> {
+fn chunks(text: &str) -> Option<Chunks<Cursor<&[u8]>>> {
     Chunks::sized("part.mod", Cursor::new(text.as_bytes()), &[], CHUNK).unwrap()
 }
 
 /// `None` where the program is not straight.
 fn streamed(text: &str, cell: &Cell, options: &Options, threads: usize) -> Option<Came> {
-    let turns = if options.free_spin { choose_turns(in_chunks(text)?, cell, options) } else { Ok(None) };
+    let turns = if options.free_spin { choose_turns(chunks(text)?, cell, options) } else { Ok(None) };
     let options = &match turns {
         Ok(turns) => Options { turns, ..options.clone() },
         Err(StreamError::Refused(refused)) => return Some(Err(refused)),
         Err(_) => return None,
     };
-    let chunks = in_chunks(text)?;
-    let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
-    let mut sinks =
-        Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
-    Some(match compensate_chunks(chunks, cell, options, threads, &mut program, &mut sinks) {
-        Ok(Streamed { summary, failures, notes, driven, .. }) if failures.is_empty() => {
-            let said = summary_line(&FileSummary::of("", &summary, &[]), PathKind::Compensate);
-            Ok((program, report, format!("{said} {driven:?}"), notes))
-        }
-        Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(failures),
-        Err(StreamError::NotStreamable) => return None,
-        Err(error) => panic!("{error:?}"),
-    })
-}
-
-fn words(came: &Came) -> Vec<String> {
-    let said = match came {
-        Ok((.., notes)) => notes,
-        Err(errors) => errors,
-    };
-    said.iter().map(|d| format!("{d} {:?}", d.snippet)).collect()
+    let chunks = chunks(text)?;
+    in_chunks(|program, sinks| compensate_chunks(chunks, cell, options, threads, program, sinks))
 }
 
 fn agree(text: &str, cell: &Cell, options: &Options) -> Result<(), TestCaseError> {
@@ -145,7 +113,7 @@ fn agree(text: &str, cell: &Cell, options: &Options) -> Result<(), TestCaseError
         let Some(came) = streamed(text, cell, options, threads) else {
             // Where the driven path cannot be computed, the program is read as a whole, which says why.
             let has_no_path = |said: &str| cell.controller.path.is_some() && said.ends_with(" None");
-            if expected.as_ref().is_ok_and(|(_, _, said, notes)| has_no_path(said) && !notes.is_empty()) {
+            if expected.as_ref().is_ok_and(|whole| has_no_path(&whole.said) && !whole.notes.is_empty()) {
                 return Ok(());
             }
             return Err(TestCaseError::fail("the program is straight"));
@@ -153,9 +121,9 @@ fn agree(text: &str, cell: &Cell, options: &Options) -> Result<(), TestCaseError
         prop_assert_eq!(words(&came), words(&expected));
         prop_assert_eq!(came.is_ok(), expected.is_ok());
         if let (Ok(came), Ok(expected)) = (&came, &expected) {
-            prop_assert!(came.0 == expected.0, "the programs differ");
-            prop_assert!(came.1 == expected.1, "the reports differ");
-            prop_assert_eq!(&came.2, &expected.2);
+            prop_assert!(came.program == expected.program, "the programs differ");
+            prop_assert!(came.report == expected.report, "the reports differ");
+            prop_assert_eq!(&came.said, &expected.said);
         }
     }
     Ok(())
@@ -294,7 +262,7 @@ fn a_prediction_along_the_driven_path_is_the_same_in_chunks() {
     let mut rows = Vec::new();
     write_csv(&expected.rows, &mut rows).unwrap();
     for threads in [1, 3] {
-        let chunks = AnyChunks::Inline(Box::new(in_chunks(&text).unwrap()));
+        let chunks = AnyChunks::Inline(Box::new(chunks(&text).unwrap()));
         let mut report = CSV_HEADER.as_bytes().to_vec();
         let mut sinks =
             Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
@@ -363,7 +331,7 @@ fn loads_that_are_not_weighed_are_told_alike() {
     let gripped = text.replacen("  PROC main()\n", "  PROC main()\n    GripLoad tMillLoad;\n", 1);
     let own = text.replace(",tMill\\WObj:=wPart", ",tMill\\WObj:=wPart\\TLoad:=tMillLoad");
     for text in [gripped, own] {
-        let (_, _, _, notes) = whole(&text, &heavy, &Options::default()).unwrap();
+        let notes = whole(&text, &heavy, &Options::default()).unwrap().notes;
         assert_eq!(notes.iter().filter(|told| told.code == "rapid.load").count(), 1);
         assert!(streamed(&text, &heavy, &Options::default(), 2).is_some(), "it streams");
         agree(&text, &heavy, &Options::default()).unwrap();
@@ -381,7 +349,7 @@ fn an_axis_without_a_unit_is_kept_alike() {
     let cell = cell(&CELL.replace("max_step_mm = 1.0", "max_step_mm = 5.0"));
     agree(&text, &cell, &Options::default()).unwrap();
     let came = whole(&text, &cell, &Options::default());
-    assert!(String::from_utf8(came.unwrap().0).unwrap().contains(target), "it stays as it is");
+    assert!(String::from_utf8(came.unwrap().program).unwrap().contains(target), "it stays as it is");
 }
 
 /// A wave, `count` targets 0.05 mm apart.
@@ -410,7 +378,7 @@ fn free_turns_are_chosen_over_all_chunks() {
     let text = wave(1_100);
     assert!(text.len() > 2 * CHUNK);
     agree(&text, &cell, &options).unwrap();
-    let (.., notes) = whole(&text, &cell, &options).unwrap();
+    let notes = whole(&text, &cell, &options).unwrap().notes;
     assert!(notes.iter().any(|note| note.code == "spin.chosen"));
     // Where no turn can be taken is said with its place, if without the line.
     let nowhere = text.replace("[[5.000,", "[[9000.000,");
@@ -420,7 +388,7 @@ fn free_turns_are_chosen_over_all_chunks() {
     assert_eq!(came, refused(whole(&nowhere, &cell, &options)));
     // Unless the turns are chosen already, they can only be chosen along the whole.
     let mut sinks = Sinks { report: &mut Vec::new(), rows: &|_| Vec::new(), each: &mut |_| (), progress: &|_, _| () };
-    let chunks = in_chunks(&text).unwrap();
+    let chunks = chunks(&text).unwrap();
     let came = compensate_chunks(chunks, &cell, &options, 1, &mut Vec::new(), &mut sinks);
     assert!(matches!(came, Err(StreamError::NotStreamable)));
 }

@@ -1,10 +1,10 @@
 //! RAPID programs with declared targets and with routines, in chunks against the same programs as a whole.
 
+use crate::streamed::{self, Came, in_chunks, words};
 use deflex::cell::Cell;
-use deflex::correct::{Options, Sinks, StreamError, Streamed, compensate, compensate_declared};
+use deflex::correct::{Options, compensate_declared};
 use deflex::program::rapid::{self, CHUNK, Declared};
-use deflex::report::{CSV_HEADER, csv_rows, write_csv};
-use deflex::text::{Diagnostic, Patch, Source, apply};
+use deflex::text::{Patch, Source};
 use proptest::prelude::*;
 use std::io::Cursor;
 
@@ -12,23 +12,13 @@ fn cell() -> Cell {
     Cell::read(&Source::new("cell.toml", include_str!("../../benches/cell.toml").as_bytes())).unwrap()
 }
 
-/// Program and report, or what is said instead.
-type Came = Result<(Vec<u8>, Vec<u8>), Vec<Diagnostic>>;
-
 fn whole(text: &str, cell: &Cell) -> Came {
     whole_with(text, cell, &Options::default())
 }
 
 fn whole_with(text: &str, cell: &Cell, options: &Options) -> Came {
     let program = rapid::read(vec![Source::new("part.mod", text.as_bytes())], Vec::new())?;
-    let corrected = compensate(&program, cell, options)?;
-    if !corrected.failures.is_empty() {
-        return Err(corrected.failures);
-    }
-    let (mut bytes, mut report) = (Vec::new(), Vec::new());
-    apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
-    write_csv(&corrected.rows, &mut report).unwrap();
-    Ok((bytes, report))
+    streamed::whole(&program, cell, options)
 }
 
 /// `None` where the program is not of this kind.
@@ -36,26 +26,17 @@ fn streamed(text: &str, cell: &Cell, threads: usize) -> Option<Came> {
     streamed_with(text, cell, &Options::default(), threads, CHUNK)
 }
 
-fn streamed_with(text: &str, cell: &Cell, options: &Options, threads: usize, chunk: usize) -> Option<Came> {
+pub(crate) fn streamed_with(text: &str, cell: &Cell, options: &Options, threads: usize, chunk: usize) -> Option<Came> {
     let input = || Cursor::new(text.as_bytes());
     let chunks = Declared::sized("part.mod", input(), input(), &[], chunk).unwrap()?;
-    let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
-    let mut sinks =
-        Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
     let mut patch = Patch::new(Cursor::new(Vec::new()));
-    Some(match compensate_declared(chunks, cell, options, threads, &mut patch, &mut sinks) {
-        Ok(Streamed { failures, .. }) if failures.is_empty() => {
-            patch.apply(input(), &mut program).unwrap();
-            Ok((program, report))
+    in_chunks(|program, sinks| {
+        let streamed = compensate_declared(chunks, cell, options, threads, &mut patch, sinks)?;
+        if streamed.failures.is_empty() {
+            patch.apply(input(), program).unwrap();
         }
-        Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(failures),
-        Err(StreamError::NotStreamable) => return None,
-        Err(error) => panic!("{error:?}"),
+        Ok(streamed)
     })
-}
-
-fn words(came: &Came) -> Vec<String> {
-    came.as_ref().err().into_iter().flatten().map(|d| format!("{d} {:?}", d.snippet)).collect()
 }
 
 /// `count` targets along a line, declared in the order that `turn` makes of theirs; every tenth is inline.
@@ -103,8 +84,8 @@ proptest! {
             let came = streamed(&text, &cell, threads).ok_or_else(|| TestCaseError::fail("the program is streamed"))?;
             prop_assert_eq!(words(&came), Vec::<String>::new());
             let (came, expected) = (came.as_ref().unwrap(), expected.as_ref().unwrap());
-            prop_assert!(came.0 == expected.0, "the programs differ");
-            prop_assert!(came.1 == expected.1, "the reports differ");
+            prop_assert!(came.program == expected.program, "the programs differ");
+            prop_assert!(came.report == expected.report, "the reports differ");
         }
     }
 }
@@ -222,8 +203,8 @@ proptest! {
             };
             prop_assert_eq!(words(&came), words(&expected));
             let (Ok(came), Ok(expected)) = (&came, &expected) else { continue };
-            prop_assert!(came.0 == expected.0, "the programs differ");
-            prop_assert!(came.1 == expected.1, "the reports differ");
+            prop_assert!(came.program == expected.program, "the programs differ");
+            prop_assert!(came.report == expected.report, "the reports differ");
         }
     }
 }
@@ -240,8 +221,8 @@ fn targets_of_several_uses_that_agree_are_corrected_once() {
         let came = streamed(&twice, &cell, threads).unwrap();
         assert_eq!(words(&came), words(&expected));
         let (came, expected) = (came.as_ref().unwrap(), expected.as_ref().unwrap());
-        assert!(came.0 == expected.0, "the programs differ");
-        assert!(came.1 == expected.1, "the reports differ");
+        assert!(came.program == expected.program, "the programs differ");
+        assert!(came.report == expected.report, "the reports differ");
     }
 }
 

@@ -1,11 +1,10 @@
 //! Long KRL programs in chunks: the bytes, the report and the words of the whole.
 
+use crate::streamed::{self, Came, in_chunks, words};
 use deflex::cell::Cell;
-use deflex::correct::{Options, Sinks, StreamError, Streamed, compensate, compensate_chunks};
+use deflex::correct::{Options, compensate_chunks};
 use deflex::program::krl::{self, Chunks};
-use deflex::report::html::PathKind;
-use deflex::report::{CSV_HEADER, FileSummary, csv_rows, summary_line, write_csv};
-use deflex::text::{Diagnostic, Source, apply};
+use deflex::text::Source;
 use proptest::prelude::*;
 use std::fmt::Write;
 use std::io::Cursor;
@@ -64,40 +63,15 @@ fn driven() -> Cell {
     Cell::read(&Source::new("cell.toml", [law, CELL].concat())).unwrap()
 }
 
-type Came = Result<(Vec<u8>, Vec<u8>, String, Vec<String>), Vec<String>>;
-
-fn words(said: &[Diagnostic]) -> Vec<String> {
-    said.iter().map(|said| format!("{said} {:?}", said.snippet)).collect()
-}
-
 fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
-    let program = krl::read(vec![Source::new("part.src", text)], Vec::new()).map_err(|errors| words(&errors))?;
-    let corrected = compensate(&program, cell, options).map_err(|errors| words(&errors))?;
-    if !corrected.failures.is_empty() {
-        return Err(words(&corrected.failures));
-    }
-    let (mut bytes, mut report) = (Vec::new(), Vec::new());
-    apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
-    write_csv(&corrected.rows, &mut report).unwrap();
-    let said = summary_line(&FileSummary::new("", &corrected), PathKind::Compensate);
-    Ok((bytes, report, format!("{said} {:?}", corrected.driven), words(&corrected.notes)))
+    let program = krl::read(vec![Source::new("part.src", text)], Vec::new())?;
+    streamed::whole(&program, cell, options)
 }
 
 /// `None` where the program is read whole.
 fn streamed(text: &str, cell: &Cell, options: &Options, chunk: usize, threads: usize) -> Option<Came> {
     let chunks = Chunks::of_file("part.src", Cursor::new(text.as_bytes()), &[], chunk).unwrap()?;
-    let (mut program, mut report) = (Vec::new(), CSV_HEADER.as_bytes().to_vec());
-    let mut sinks =
-        Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
-    Some(match compensate_chunks(chunks, cell, options, threads, &mut program, &mut sinks) {
-        Ok(Streamed { summary, failures, notes, driven, .. }) if failures.is_empty() => {
-            let said = summary_line(&FileSummary::of("", &summary, &[]), PathKind::Compensate);
-            Ok((program, report, format!("{said} {driven:?}"), words(&notes)))
-        }
-        Ok(Streamed { failures, .. }) | Err(StreamError::Refused(failures)) => Err(words(&failures)),
-        Err(StreamError::NotStreamable) => return None,
-        Err(error) => panic!("{error:?}"),
-    })
+    in_chunks(|program, sinks| compensate_chunks(chunks, cell, options, threads, program, sinks))
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -191,9 +165,9 @@ proptest! {
             };
             match (&came, &expected) {
                 (Ok(came), Ok(expected)) => {
-                    prop_assert!(came.0 == expected.0, "the programs differ");
-                    prop_assert_eq!(String::from_utf8_lossy(&came.1), String::from_utf8_lossy(&expected.1));
-                    prop_assert_eq!((&came.2, &came.3), (&expected.2, &expected.3));
+                    prop_assert!(came.program == expected.program, "the programs differ");
+                    prop_assert_eq!(String::from_utf8_lossy(&came.report), String::from_utf8_lossy(&expected.report));
+                    prop_assert_eq!((&came.said, &came.notes), (&expected.said, &expected.notes));
                 }
                 _ => prop_assert_eq!(&came, &expected),
             }
@@ -246,7 +220,7 @@ fn units_that_move_or_stand_give_the_same_in_chunks() {
                 assert!(came.is_none_or(|came| came == expected), "{text}");
             }
         }
-        assert!(whole(&moving, &cell, &options).is_ok_and(|came| came.0 != moving.as_bytes()));
+        assert!(whole(&moving, &cell, &options).is_ok_and(|came| came.program != moving.as_bytes()));
     }
     // Without the unit nothing is solved as if it stood at zero.
     let (own, options) = (self::cell(), Options::default());
@@ -260,7 +234,8 @@ fn a_tool_without_a_load_is_told_once_in_chunks_too() {
     let text = text.replace("$BASE=BASE_DATA[2]", "$BASE={X 1100,Y -150,Z 300,A 0,B 0,C 0}");
     let text = text.replace("$TOOL=TOOL_DATA[3]", "$TOOL={X 10,Y -20,Z 200,A 0,B 0,C 0}");
     let expected = whole(&text, &cell(), &Options::default());
-    assert!(expected.as_ref().is_ok_and(|came| came.3.iter().filter(|said| said.contains("no-load")).count() == 1));
+    assert_eq!(words(&expected).iter().filter(|said| said.contains("no-load")).count(), 1);
+    assert!(expected.is_ok());
     for (chunk, threads) in [(600, 1), (600, 2), (1 << 20, 2)] {
         assert!(
             streamed(&text, &cell(), &Options::default(), chunk, threads).unwrap() == expected,

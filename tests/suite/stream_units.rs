@@ -1,15 +1,14 @@
 //! Programs whose mechanical units move or stand, in chunks against the same programs as a whole: the same bytes.
 
+use crate::stream_declared::streamed_with;
+use crate::streamed::{in_chunks, whole};
 use crate::units::{TABLE, TRACK, cell};
 use deflex::cell::Cell;
-use deflex::correct::{
-    Corrected, Options, Sinks, StreamError, Streamed, compensate, compensate_chunks, compensate_declared, predict,
-    predict_chunks,
-};
-use deflex::program::rapid::{self, Chunks, Declared};
+use deflex::correct::{Options, compensate_chunks, predict, predict_chunks};
+use deflex::program::rapid::{self, Chunks};
 use deflex::program::{AnyChunks, Next};
-use deflex::report::{CSV_HEADER, csv_rows, write_csv};
-use deflex::text::{Diagnostic, Patch, Source, apply};
+use deflex::report::write_csv;
+use deflex::text::Source;
 use std::io::Cursor;
 
 /// Bytes of a chunk: some lines, and more than the program.
@@ -54,38 +53,8 @@ fn program(declared: bool) -> String {
     text + "  ENDPROC\nENDMODULE\n"
 }
 
-/// Program, report, what is said.
-type Came = (Vec<u8>, Vec<u8>, Vec<Diagnostic>);
-
 fn read(text: &str) -> deflex::program::Program {
     rapid::read(vec![Source::new("part.mod", text.as_bytes())], Vec::new()).unwrap()
-}
-
-fn report(corrected: &Corrected) -> Vec<u8> {
-    assert!(corrected.failures.is_empty(), "{:?}", corrected.failures);
-    let mut report = Vec::new();
-    write_csv(&corrected.rows, &mut report).unwrap();
-    report
-}
-
-fn whole(text: &str, cell: &Cell, options: &Options) -> Came {
-    let program = read(text);
-    let corrected = compensate(&program, cell, options).unwrap();
-    let mut bytes = Vec::new();
-    apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
-    (bytes, report(&corrected), corrected.notes)
-}
-
-/// Report rows, and the other results of a run over chunks.
-fn reported(
-    run: impl FnOnce(&mut Sinks<'_>) -> Result<Streamed, StreamError>,
-) -> Result<(Vec<u8>, Streamed), StreamError> {
-    let mut report = CSV_HEADER.as_bytes().to_vec();
-    let mut sinks =
-        Sinks { report: &mut report, rows: &|rows| csv_rows(rows), each: &mut |_| (), progress: &|_, _| () };
-    let streamed = run(&mut sinks)?;
-    assert!(streamed.failures.is_empty(), "{:?}", streamed.failures);
-    Ok((report, streamed))
 }
 
 fn both_units() -> Cell {
@@ -96,14 +65,12 @@ fn both_units() -> Cell {
 fn units_that_move_give_the_same_in_chunks() {
     let (cell, text) = (both_units(), program(false));
     for options in [Options::default(), Options { subdivide: Some(2e-6), ..Options::default() }] {
-        let expected = whole(&text, &cell, &options);
-        assert_ne!(expected.0, text.as_bytes());
+        let expected = whole(&read(&text), &cell, &options).unwrap();
+        assert_ne!(expected.program, text.as_bytes());
         for (threads, size) in [1, 2, 3].into_iter().zip(SIZES).chain([(3, SIZES[0]), (2, SIZES[0])]) {
             let chunks = Chunks::sized("part.mod", text.as_bytes(), &[], size).unwrap().unwrap();
-            let mut bytes = Vec::new();
-            let (report, streamed) =
-                reported(|sinks| compensate_chunks(chunks, &cell, &options, threads, &mut bytes, sinks)).unwrap();
-            let same = (bytes, report, streamed.notes) == expected;
+            let came = in_chunks(|program, sinks| compensate_chunks(chunks, &cell, &options, threads, program, sinks));
+            let same = came.unwrap().unwrap() == expected;
             assert!(same, "chunks of {size} bytes on {threads} threads, {:?}", options.subdivide);
         }
     }
@@ -112,28 +79,25 @@ fn units_that_move_give_the_same_in_chunks() {
 #[test]
 fn units_that_move_are_predicted_the_same_in_chunks() {
     let (cell, text, options) = (both_units(), program(false), Options::default());
-    let expected = report(&predict(&read(&text), &cell, &options, None).unwrap());
+    let predicted = predict(&read(&text), &cell, &options, None).unwrap();
+    assert!(predicted.failures.is_empty(), "{:?}", predicted.failures);
+    let mut expected = Vec::new();
+    write_csv(&predicted.rows, &mut expected).unwrap();
     for (threads, size) in [1, 2, 3].into_iter().zip(SIZES) {
         let inline = Chunks::sized("part.mod", Cursor::new(text.as_bytes()), &[], size).unwrap().unwrap();
         let chunks = AnyChunks::Inline(Box::new(inline));
-        let (came, _) = reported(|sinks| predict_chunks(chunks, None, &cell, &options, threads, None, sinks)).unwrap();
-        assert!(came == expected, "chunks of {size} bytes on {threads} threads");
+        let came = in_chunks(|_, sinks| predict_chunks(chunks, None, &cell, &options, threads, None, sinks));
+        assert!(came.unwrap().unwrap().report == expected, "chunks of {size} bytes on {threads} threads");
     }
 }
 
 #[test]
 fn units_that_move_to_declared_targets_give_the_same_in_chunks() {
     let (cell, text, options) = (both_units(), program(true), Options::default());
-    let expected = whole(&text, &cell, &options);
+    let expected = whole(&read(&text), &cell, &options).unwrap();
     for (threads, size) in [1, 2, 3].into_iter().zip(SIZES) {
-        let input = || Cursor::new(text.as_bytes());
-        let chunks = Declared::sized("part.mod", input(), input(), &[], size).unwrap().unwrap();
-        let mut patch = Patch::new(Cursor::new(Vec::new()));
-        let (report, streamed) =
-            reported(|sinks| compensate_declared(chunks, &cell, &options, threads, &mut patch, sinks)).unwrap();
-        let mut bytes = Vec::new();
-        patch.apply(input(), &mut bytes).unwrap();
-        assert!((bytes, report, streamed.notes) == expected, "chunks of {size} bytes on {threads} threads");
+        let came = streamed_with(&text, &cell, &options, threads, size).unwrap().unwrap();
+        assert!(came == expected, "chunks of {size} bytes on {threads} threads");
     }
 }
 

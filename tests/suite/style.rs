@@ -1,6 +1,6 @@
 //! Plain words: the README, the documentation and the messages have no words of a private style and no sentence that is too long.
 
-use crate::sources::source_folders;
+use crate::sources::code_without_tests;
 use std::path::{Path, PathBuf};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
@@ -192,20 +192,13 @@ const WORD_LISTS: [&str; 2] = ["crates/lang/src/inform/words.rs", "crates/lang/s
 /// Texts of the sources that people read, by their file: those of several words.
 fn messages() -> Vec<(String, String)> {
     let mut found = Vec::new();
-    let mut open = source_folders();
-    while let Some(path) = open.pop() {
-        if path.is_dir() {
-            open.extend(std::fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
-        } else if path.extension().is_some_and(|ending| ending == "rs") && !path.ends_with("tests.rs") {
-            let text = std::fs::read_to_string(&path).unwrap();
-            let code = text.split("\n#[cfg(test)]\nmod tests {").next().unwrap();
-            let name = path.strip_prefix(ROOT).unwrap().display().to_string();
-            if WORD_LISTS.contains(&&*name) {
-                continue;
-            }
-            let read = literals(code).into_iter().filter(|text| text.split_whitespace().count() > 3);
-            found.extend(read.map(|text| (name.clone(), text)));
+    for (path, code) in code_without_tests() {
+        let name = path.strip_prefix(ROOT).unwrap().display().to_string();
+        if WORD_LISTS.contains(&&*name) {
+            continue;
         }
+        let read = literals(&code).into_iter().filter(|text| text.split_whitespace().count() > 3);
+        found.extend(read.map(|text| (name.clone(), text)));
     }
     found.sort();
     found

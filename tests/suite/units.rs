@@ -1,8 +1,10 @@
 //! Mechanical units: what a program means on a track, on a positioner, on both, against the same program without them.
 
+use crate::identify::no_data;
 use approx::assert_abs_diff_eq;
 use deflex::cell::Cell;
 use deflex::correct::{Correct, Corrected, Options, Prepared, Status, compensate, predict};
+use deflex::identify::{Input, identify};
 use deflex::program::{Program, rapid};
 use deflex::robot::{AxisName, Carries, Pose, Unit, UnitKind, Units};
 use deflex::text::{Source, apply};
@@ -477,16 +479,7 @@ fn a_misplaced_table_is_found() {
     let measured = deflex::measured::Table::read(&Source::new("m.csv", table.into_bytes())).unwrap();
     let cell = rigid("");
     let runs = vec![(program, measured).into()];
-    let input = deflex::identify::Input {
-        cell: &cell,
-        runs,
-        poses: vec![],
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &|_| true,
-    };
-    let found = deflex::identify::identify(input).unwrap();
+    let found = identify(Input { runs, ..no_data(&cell) }).unwrap();
     let kinds: Vec<&str> = found.added.iter().map(|added| added.kind.as_str()).collect();
     assert_eq!(kinds, ["unit_frame"], "{:?}", found.ranking);
     assert!(found.after.rms_mm < 0.008, "{:?}", found.after);

@@ -217,7 +217,6 @@ impl Moc {
     fn unit(&self, own: String, single: &Instance, carries_robot: bool) -> Option<FoundUnit> {
         let joint = single.get("use_joint")?;
         let logical = self.named("JOINT", joint).and_then(|joint| number(joint, "logical_axis"))?;
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a small whole number
         let axis = (logical as usize).checked_sub(ROBOT_AXES + 1).filter(|axis| *axis < EXTERNAL_AXES)?;
         let kind = single.get("use_single_type").and_then(|kind| self.named("SINGLE_TYPE", kind));
         let mechanics = kind.and_then(|kind| kind.get("mechanics")).cloned().unwrap_or_default();

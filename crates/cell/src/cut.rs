@@ -13,9 +13,7 @@ use std::collections::BTreeMap;
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
+/// # let (_, cell) = include!("../../../tests/doc/slot.rs");
 /// let cut = cell.cut.as_ref().expect("a [cut] table");
 /// assert!(cut.max_cutting_feed.is_none());
 /// # Ok::<(), deflex_text::Diagnostics>(())
@@ -35,9 +33,7 @@ pub struct Cut {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
+/// # let (_, cell) = include!("../../../tests/doc/slot.rs");
 /// use deflex_cell::CutForce;
 ///
 /// assert!(matches!(cell.cut.as_ref().expect("a [cut] table").force, CutForce::Mechanistic));
@@ -108,9 +104,7 @@ pub(crate) enum EngagementMode {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
+/// # let (_, cell) = include!("../../../tests/doc/slot.rs");
 /// let milling = cell.milling("tMill").expect("a complete description");
 /// println!("{} mm, {} teeth", 1e3 * milling.cutter.diameter, milling.cutter.teeth);
 /// # Ok::<(), deflex_text::Diagnostics>(())
@@ -134,9 +128,7 @@ pub struct MillingCut {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
+/// # let (_, cell) = include!("../../../tests/doc/slot.rs");
 /// use deflex_cell::EngagementSource;
 ///
 /// let milling = cell.milling("tMill").expect("a complete description");
@@ -176,16 +168,6 @@ impl Cell {
     ///
     /// # Errors
     /// The first part that neither the tool nor `[cut]` declares.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_text::Source;
-    /// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/blade/cell.toml")?))?;
-    /// let cut = cell.milling("tMill").expect("[cut] is complete");
-    /// assert_eq!(cut.cutter.diameter, 0.025); // m
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     pub fn milling(&self, tool: &str) -> Result<MillingCut, MissingCutKey> {
         let none = MillingParts::default();
         let shared = self.cut.as_ref().map_or(&none, |cut| &cut.milling);

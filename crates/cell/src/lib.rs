@@ -50,8 +50,10 @@ use std::sync::Arc;
 /// use deflex_cell::Cell;
 /// use deflex_text::Source;
 ///
-/// let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
+/// let mut cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
 /// println!("{}", cell.arm.robot.model);
+/// assert_eq!(cell.milling("tMill").expect("a complete description").cutter.diameter, 0.025); // m
+/// cell.take_meshes(|name| Ok(Source::new(name, std::fs::read(name).unwrap_or_default())))?;
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Debug)]
@@ -120,9 +122,7 @@ impl Cell {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
+/// # let (_, cell) = include!("../../../tests/doc/slot.rs");
 /// assert_eq!(cell.limits.max_correction, 1e-3); // m
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
@@ -140,10 +140,14 @@ pub struct CorrectionLimits {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// assert!(cell.controller.declared && !cell.controller.gravity); // it compensates nothing
+/// use deflex_cell::Cell;
+/// use deflex_program::Language;
+/// use deflex_text::Source;
+///
+/// let text = "[robot]\nmodel = \"irb6660-205-1.9\"\n[controller]\nharmless = [\"rSpindle\"]\n";
+/// let controller = Cell::read(&Source::new("cell.toml", text))?.controller;
+/// assert!(!controller.declared && !controller.gravity); // it does not state what it compensates
+/// assert_eq!(controller.declarations(Language::Rapid).len(), 1);
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -169,18 +173,6 @@ pub struct Controller {
 impl Controller {
     /// Source texts in a language that declare the harmless routines, each with an empty body. A declaration of the
     /// same name in the program or in an earlier context takes precedence.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_text::Source;
-    /// use deflex_program::Language;
-    ///
-    /// let text = "[robot]\nmodel = \"irb6660-205-1.9\"\n[controller]\nharmless = [\"rSpindle\"]\n";
-    /// let cell = Cell::read(&Source::new("cell.toml", text))?;
-    /// assert_eq!(cell.controller.declarations(Language::Rapid).len(), 1);
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn declarations(&self, language: Language) -> Vec<Source> {
         if self.harmless.is_empty() {

@@ -77,18 +77,6 @@ impl Cell {
     ///
     /// # Errors
     /// Every error of `read`; files that are not STL, or whose mesh is not closed.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_text::{Diagnostic, Source};
-    /// let mut cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/stock/cell.toml")?))?;
-    /// cell.take_meshes(|name| match std::fs::read(name) {
-    ///     Ok(bytes) => Ok(Source::new(name, bytes)),
-    ///     Err(error) => Err(vec![Diagnostic::error("io.read", name, error.to_string())]),
-    /// })?;
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     pub fn take_meshes<R>(&mut self, mut read: R) -> Result<(), Vec<Diagnostic>>
     where
         R: FnMut(&str) -> Result<Source, Vec<Diagnostic>>,

@@ -4,6 +4,7 @@ use super::context::Context;
 use super::corrected::Corrected;
 use super::correction::Correction;
 use super::deviation::Commanded;
+use super::refusal::Refusal;
 use super::row::{Row, RowNames, Status};
 use super::{PathDeviation, Prepared, spin};
 use deflex_equilibrium::EquilibriumError;
@@ -108,10 +109,10 @@ impl<'a> Collected<'a> {
             }
             EquilibriumError::NotFinite => "check the cell's numbers",
         };
-        self.refuse(i, "target.unsolved", error.to_string(), help);
+        self.refuse(i, Refusal::new("target.unsolved", error.to_string(), help));
     }
 
-    fn refuse(&mut self, i: usize, code: &'static str, message: String, help: &str) {
+    fn refuse(&mut self, i: usize, Refusal { code, message, help }: Refusal) {
         if std::mem::replace(&mut self.failed[i], true) {
             return;
         }
@@ -134,8 +135,7 @@ impl<'a> Collected<'a> {
                 Vector3::zeros()
             };
             if above(&shift, limits.max_correction) {
-                let (code, message, help) = too_large(shift.norm(), limits.max_correction);
-                self.refuse(i, code, message, help);
+                self.refuse(i, too_large(shift.norm(), limits.max_correction));
             }
             let step = last.map_or_else(Vector3::zeros, |last| shift - last);
             if above(&step, limits.max_step) {
@@ -145,7 +145,7 @@ impl<'a> Collected<'a> {
                 );
                 let help =
                     "lead in and out of the cut more gently, or raise `[limits] max_step_mm` if the step is meant";
-                self.refuse(i, "limits.max-step", message, help);
+                self.refuse(i, Refusal::new("limits.max-step", message, help));
             }
             *last = Some(shift);
         }
@@ -210,10 +210,10 @@ pub(super) fn points_of(rows: &[Row], program: &Program) -> Vec<Option<usize>> {
     rows.iter().map(|row| ends.find(|(_, target)| target.ordinal == row.target).map(|(i, _)| i)).collect()
 }
 
-/// Code, message and help for a correction that is larger than the limit, m.
-pub(super) fn too_large(shift: f64, limit: f64) -> (&'static str, String, &'static str) {
+/// A correction that is larger than the limit, m.
+pub(super) fn too_large(shift: f64, limit: f64) -> Refusal {
     let [shift, most] = [shift, limit].map(|m| 1e3 * m);
     let message = format!("correction of {shift:.3} mm, more than max_correction_mm = {most}");
     let help = "check stiffness (its unit is N·m/rad) and forces of the cell; raise `[limits] max_correction_mm` if it is meant";
-    ("limits.max-correction", message, help)
+    Refusal::new("limits.max-correction", message, help)
 }

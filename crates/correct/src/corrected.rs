@@ -12,11 +12,7 @@ use serde::Serialize;
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// assert!(corrected.failures.is_empty() && corrected.rewritten.is_some());
 /// println!("{} rows", corrected.rows.len());
@@ -115,7 +111,6 @@ pub struct DrivenFigures {
 /// fn is_good(driven: &DrivenSummary) -> Option<bool> {
 ///     Some(driven.corrected?.max_mm <= driven.tolerance_mm?)
 /// }
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DrivenSummary {

@@ -17,11 +17,7 @@ use std::collections::BTreeMap;
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let prepared = deflex_correct::Prepared::new(&program, &cell, &Default::default())?;
 /// use deflex_correct::Course;
 ///
@@ -77,11 +73,7 @@ impl<T> NotedWaypoints<T> {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// let path = deflex_correct::loaded_path(&program, &cell, &Default::default())?;
 /// let sample = &path.samples[path.samples.len() / 2];
 /// println!("{:.1} s: {:.3} m/s, {:.0} N", sample.time, sample.feed, sample.force.norm());
@@ -110,11 +102,7 @@ pub struct LoadedSample {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// let path = deflex_correct::loaded_path(&program, &cell, &Default::default())?;
 /// assert!(!path.samples.is_empty());
 /// # Ok::<(), deflex_text::Diagnostics>(())
@@ -197,14 +185,8 @@ impl Course {
             if before.is_none_or(|before| !program.is_worded_like(before, i)) {
                 passing = program.passing(i);
             }
-            let zone = match passing {
-                Passing::Stop => None,
-                Passing::Zone(mm) => Some(1e-3 * mm),
-                Passing::Unstated => {
-                    self.unstated += usize::from(unstated_zone.is_none());
-                    unstated_zone
-                }
-            };
+            let zone = zone_of(passing, unstated_zone);
+            self.unstated += usize::from(passing == Passing::Unstated && unstated_zone.is_none());
             let setting = prepared.setting(i);
             let in_base = |pose: &Pose| setting.base_from_wobj * pose;
             let lead = match Kind::of(program, i) {
@@ -295,11 +277,7 @@ impl Course {
             for node in commanded.nodes[first..].iter().take_while(|node| node.before == i) {
                 let near = course.waypoints.last().map_or(waypoint.motor, |last: &Waypoint| last.motor);
                 let motor = controller_motor(robot, prepared.setting(i), &node.commanded, &near).unwrap_or(near);
-                let zone = match program.inserted_passing(i) {
-                    Passing::Stop => None,
-                    Passing::Zone(mm) => Some(1e-3 * mm),
-                    Passing::Unstated => unstated_zone,
-                };
+                let zone = zone_of(program.inserted_passing(i), unstated_zone);
                 let turn = prepared.points[i].arc_turn;
                 let lead = node.via.map_or(Lead::Line, |via| Lead::Arc { via: base_from_wobj * via, turn });
                 let base_from_tcp = base_from_wobj * node.commanded;
@@ -536,6 +514,15 @@ impl Course {
             Some(0.25 * radius * (after.0 - before.0).norm())
         });
         corners.fold(0.0, f64::max)
+    }
+}
+
+/// The zone (m) in which the robot passes a point; `None` where it comes to rest, or if neither the text nor the cell, in `unstated`, gives one.
+pub(super) fn zone_of(passing: Passing, unstated: Option<f64>) -> Option<f64> {
+    match passing {
+        Passing::Stop => None,
+        Passing::Zone(mm) => Some(1e-3 * mm),
+        Passing::Unstated => unstated,
     }
 }
 

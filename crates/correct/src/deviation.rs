@@ -26,11 +26,7 @@ pub(super) const JUMP_WITHIN: f64 = 0.5e-3;
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// let longest = corrected.rows.iter().filter_map(|row| row.path).map(|path| path.length_mm).fold(0.0, f64::max);
 /// assert!(longest > 0.0); // mm

@@ -386,7 +386,6 @@ impl DrivenFeeds {
     }
 
     /// Gives points the force law at their share of the programmed speed.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
     fn slow_down(&mut self, prepared: &mut Prepared, points: &mut [DrivenPoint]) {
         let steps = FEED_STEPS as f64;
         let count = self.fastest.len();

@@ -3,7 +3,7 @@
 use super::{KeptReason, Options};
 use deflex_cell::{Cell, nearest};
 use deflex_effects::ToolFrame;
-use deflex_program::{Language, Program, ToolData, Wobj, WobjData};
+use deflex_program::{Editable, Language, Program, Target, ToolData, Wobj, WobjData};
 use deflex_robot::Pose;
 use deflex_text::Diagnostic;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -70,17 +70,10 @@ pub(super) fn tools(
     let tools = program.tools.iter().enumerate().map(|(i, tool)| {
         let frame = tool.data.as_ref().map(tool_frame).or_else(|| find(&tool.name));
         if frame.is_none() {
-            errors.extend(first_use(program, |t| usize::from(t.tool) == i).map(|diagnostic| {
-                diagnostic(
-                    "cell.unknown-tool",
-                    format!("tool `{}` is declared neither in the program nor in the cell", tool.name),
-                    format!(
-                        "{}add [tools.{}] to the cell{}",
-                        meant(&tool.name, &cell.names_of(&cell.tools)),
-                        key(&tool.name),
-                        program.language.about().or_context
-                    ),
-                )
+            let first = first_use(program, |target| usize::from(target.tool) == i);
+            errors.extend(first.map(|target| {
+                let near = meant(&tool.name, &cell.names_of(&cell.tools));
+                undeclared(program, target, ["cell.unknown-tool", "tool", "tools"], &tool.name, &near)
             }));
         }
         frame
@@ -137,17 +130,10 @@ pub(super) fn wobjs(program: &Program, cell: &Cell) -> Result<Vec<Option<Declare
     let wobjs = program.wobjs.iter().enumerate().map(|(i, wobj)| {
         let frame = declared(wobj, cell, program.language);
         if frame.is_none() {
-            errors.extend(first_use(program, |t| usize::from(t.wobj) == i).map(|diagnostic| {
-                diagnostic(
-                    "cell.unknown-wobj",
-                    format!("work object `{}` is declared neither in the program nor in the cell", wobj.name),
-                    format!(
-                        "{}add [wobjs.{}] to the cell{}",
-                        meant(&wobj.name, &cell.names_of(&cell.wobjs)),
-                        key(&wobj.name),
-                        program.language.about().or_context
-                    ),
-                )
+            let first = first_use(program, |target| usize::from(target.wobj) == i);
+            errors.extend(first.map(|target| {
+                let near = meant(&wobj.name, &cell.names_of(&cell.wobjs));
+                undeclared(program, target, ["cell.unknown-wobj", "work object", "wobjs"], &wobj.name, &near)
             }));
         }
         frame
@@ -163,11 +149,21 @@ pub(super) fn wobj(program: &Program, cell: &Cell, name: &str) -> Option<WobjFra
     of_program.or_else(|| of_cell(cell, name))
 }
 
-/// Makes diagnostics at the first target that uses something; `None` if no target does.
-fn first_use(
+/// The first target that uses something and could be changed.
+fn first_use(program: &Program, uses: impl Fn(&Target) -> bool) -> Option<&Target> {
+    program.targets.iter().find(|target| uses(target) && !matches!(target.editable, Editable::No(_)))
+}
+
+/// The error at a target whose tool or work object is not declared: its code, the word for what is missing, and its table in the cell. `near`
+/// is the question whether another name is meant.
+fn undeclared(
     program: &Program,
-    uses: impl Fn(&deflex_program::Target) -> bool,
-) -> Option<impl Fn(&'static str, String, String) -> Diagnostic> {
-    let target = program.targets.iter().find(|t| uses(t) && !matches!(t.editable, deflex_program::Editable::No(_)))?;
-    Some(move |code, message, help| program.error_at(target, code, message).help(help))
+    target: &Target,
+    [code, what, table]: [&'static str; 3],
+    name: &str,
+    near: &str,
+) -> Diagnostic {
+    let message = format!("{what} `{name}` is declared neither in the program nor in the cell");
+    let help = format!("{near}add [{table}.{}] to the cell{}", key(name), program.language.about().or_context);
+    program.error_at(target, code, message).help(help)
 }

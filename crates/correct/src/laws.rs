@@ -1,6 +1,7 @@
 //! The cutting forces of a cell along a path: which motions cut, and the laws of their forces.
 
 use super::load::{Follows, PointLoad, Through};
+use super::refusal::Refusal;
 use deflex_cell::{Cell, CutForce, EngagementSource, ForceFrame, MillingCut};
 use deflex_cutting::{FeedTable, ForceTable, Lean, Milling};
 use deflex_effects::ForceLaw;
@@ -121,9 +122,6 @@ struct ToolCut {
     front: Option<u32>,
 }
 
-/// Code, message, help.
-pub(super) type Refusal = (&'static str, String, String);
-
 impl<'a> Laws<'a> {
     pub(super) fn new(cell: &'a Cell) -> Self {
         Self { cell, tools: Vec::new(), laws: Vec::new(), fronts: Vec::new() }
@@ -174,16 +172,16 @@ impl<'a> Laws<'a> {
             return Ok(given.map_or(PointLoad::Air, |force| constant(force, Follows::WorkObject)));
         }
         match self.cell.cut.as_ref().map(|cut| &cut.force) {
-            None => Err((
+            None => Err(Refusal::new(
                 "cell.no-cut",
-                "the cell has no [cut] section, and no table of forces was given".to_owned(),
-                "add [cut] to the cell (force = \"none\" for no force), or give --forces".to_owned(),
+                "the cell has no [cut] section, and no table of forces was given",
+                "add [cut] to the cell (force = \"none\" for no force), or give --forces",
             )),
             Some(CutForce::None) => Ok(PointLoad::Air),
-            Some(CutForce::Table) => Err((
+            Some(CutForce::Table) => Err(Refusal::new(
                 "cell.no-forces",
-                "[cut] force = \"table\" needs forces, and neither --forces nor a measured file gives them".to_owned(),
-                "give --forces CSV with the columns `target`, `fx_n`, `fy_n` and `fz_n`; with `identify`, put these columns into the measured file".to_owned(),
+                "[cut] force = \"table\" needs forces, and neither --forces nor a measured file gives them",
+                "give --forces CSV with the columns `target`, `fx_n`, `fy_n` and `fz_n`; with `identify`, put these columns into the measured file",
             )),
             Some(CutForce::Constant { force, frame: axes }) => Ok(match (axes, frame) {
                 (ForceFrame::Wobj, _) => constant(*force, Follows::WorkObject),
@@ -243,10 +241,10 @@ impl<'a> Laws<'a> {
         let (name, cut) = &self.tools[tool];
         let Some(milling) = &cut.milling else {
             let missing = self.cell.milling(name).err().map_or_else(String::new, |missing| missing.to_string());
-            return Err((
+            return Err(Refusal::new(
                 "cell.no-milling",
                 format!("tool `{name}` cuts here, and {}", missing.replace(".X.", &format!(".{name}."))),
-                "declare it for the tool, or for all tools in [cut]".to_owned(),
+                "declare it for the tool, or for all tools in [cut]",
             ));
         };
         if let Some(feed_per_tooth) = milling.feed_per_tooth {
@@ -254,9 +252,9 @@ impl<'a> Laws<'a> {
         }
         let rpm = target.spindle_rpm.or(milling.spindle_rpm).filter(|rpm| *rpm > 0.0);
         let (Some(feed), Some(rpm)) = (target.feed_mm_s, rpm) else {
-            return Err((
+            return Err(Refusal::new(
                 "cell.no-feed-per-tooth",
-                "the feed per tooth is not known: the target has no feed, or neither cell nor program states the spindle speed".to_owned(),
+                "the feed per tooth is not known: the target has no feed, or neither cell nor program states the spindle speed",
                 format!(
                     "give feed_per_tooth_mm or spindle_rpm in [cut.engagement], or spindle_rpm in [tools.{name}.cutter]"
                 ),
@@ -339,16 +337,15 @@ impl<'a> Laws<'a> {
             ) => {
                 let milling = Milling::new(*cutter, *engagement, *coefficients).map_err(|error| {
                     let message = format!("the cut of tool `{name}`: {}: {}", error.field, error.message);
-                    ("cell.cut", message, "check cutter, engagement and coefficients of the tool".to_owned())
+                    Refusal::new("cell.cut", message, "check cutter, engagement and coefficients of the tool")
                 })?;
                 (Arc::new(milling.clone()), Arc::new(ForceTable::new(milling)))
             }
             (None, _) => {
-                return Err((
+                return Err(Refusal::new(
                     "cell.no-stock",
                     format!("tool `{name}` cuts here with mode = \"stock\", which needs the stock"),
-                    "add [stock] with its box_mm, or declare mode = \"slot\", \"up\" or \"down\" with its depth"
-                        .to_owned(),
+                    "add [stock] with its box_mm, or declare mode = \"slot\", \"up\" or \"down\" with its depth",
                 ));
             }
         };

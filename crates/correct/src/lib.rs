@@ -46,6 +46,7 @@ mod path;
 mod point;
 mod poses;
 mod post;
+mod refusal;
 mod remarks;
 mod removal;
 mod row;
@@ -181,15 +182,13 @@ fn is_held_whole(cell: &Cell, options: &Options) -> bool {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// use deflex_correct::{Options, Prepared};
 ///
 /// let prepared = Prepared::new(&program, &cell, &Options::default())?;
 /// assert_eq!(prepared.points.len(), program.targets.len());
+/// println!("work object at {}", prepared.base_from_wobj(0));
+/// assert!(prepared.tool(0).mass > 0.0 && prepared.situation(0).payload == 0.0); // kg
 /// let pose = prepared.points[0].wobj_from_tcp;
 /// assert!((prepared.seen(0, pose).translation.vector - pose.translation.vector).norm() < 1e-9); // the tool moves, not the part
 /// # Ok::<(), deflex_text::Diagnostics>(())
@@ -314,18 +313,6 @@ impl Prepared {
     }
 
     /// Declared work object of point `i` in the base.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let prepared = deflex_correct::Prepared::new(&program, &cell, &Default::default())?;
-    /// println!("{}", prepared.base_from_wobj(0));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn base_from_wobj(&self, i: usize) -> Pose {
         let setting = self.setting(i);
@@ -342,18 +329,6 @@ impl Prepared {
     }
 
     /// Declared tool of point `i`; with a stationary tool, the work object in the flange.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let prepared = deflex_correct::Prepared::new(&program, &cell, &Default::default())?;
-    /// assert!(prepared.tool(0).mass > 0.0); // kg
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn tool(&self, i: usize) -> &ToolFrame {
         &self.setting(i).tool
@@ -412,19 +387,6 @@ impl Prepared {
     }
 
     /// The situation of point `i`, for the two computations of [`Arm`](deflex_equilibrium::Arm).
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let prepared = deflex_correct::Prepared::new(&program, &cell, &Default::default())?;
-    /// let situation = prepared.situation(0);
-    /// println!("{:?}", situation.wobj_from_tcp);
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn situation(&self, i: usize) -> Situation<'_> {
         self.points[i].situation(self.setting(i), &self.shared.laws)

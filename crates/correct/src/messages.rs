@@ -8,12 +8,9 @@ use deflex_text::Diagnostic;
 ///
 /// # Examples
 /// ```
-/// use deflex_correct::Streamed;
+/// use deflex_correct::Messages;
 ///
-/// /// Why a long program as a whole is refused.
-/// fn refusals(streamed: &Streamed) -> String {
-///     format!("{:?}", streamed.refused)
-/// }
+/// assert!(Messages::default().is_empty() && Messages::default().all().is_empty()); // none yet
 /// ```
 #[derive(Clone, Debug)]
 pub struct Messages {
@@ -54,11 +51,6 @@ impl Messages {
     }
 
     /// Whether there is none.
-    ///
-    /// # Examples
-    /// ```
-    /// assert!(deflex_correct::Messages::default().is_empty());
-    /// ```
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.count == 0
@@ -73,11 +65,6 @@ impl Messages {
     }
 
     /// The first messages, and one more with the number of the others.
-    ///
-    /// # Examples
-    /// ```
-    /// assert!(deflex_correct::Messages::default().all().is_empty());
-    /// ```
     #[must_use]
     pub fn all(mut self) -> Vec<Diagnostic> {
         let more = self.count - self.first.len();

@@ -8,6 +8,7 @@ use super::frames::{self, WobjFrame, pose};
 use super::load::PointLoad;
 use super::mount::{Mount, Moved, Stand, is_entered_elsewhere};
 use super::point::{Point, tool_axis};
+use super::refusal::Refusal;
 use super::segment::Kind;
 use super::solve::controller_motor;
 use super::spin;
@@ -277,10 +278,8 @@ impl Walk<'_, '_> {
 
     /// Adds a target whose pose is unknown.
     fn pass_over(&mut self, target: &Target, why: KeptReason, SettingAndTool { setting, tool }: SettingAndTool) {
-        if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
-            let message = format!("it cannot be computed what this move cuts from the stock: {why}");
-            let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
-            return self.refuse(target, "cell.stock", &message, &help);
+        if self.may_cut_unknown_stock(target, why, tool) {
+            return;
         }
         let mut travel = self.last().map_or_else(Joints::zeros, |previous| previous.travel);
         let at = match target.goal {
@@ -409,22 +408,17 @@ impl Walk<'_, '_> {
             let dragged = Dragged { motor, twist: Joints::zeros(), travel };
             return self.leave(target, why, (wobj_from_tcp, dragged), setting_and_tool, stand);
         }
-        let load = match self.carried.laws.load(
-            (target, tool),
-            row.and_then(|r| r.force),
-            (frame.as_ref(), leaned, held),
-            &wobj_from_tcp,
-            self.options.has_force_table(self.cell),
-        ) {
+        let table = self.options.has_force_table(self.cell);
+        let (cut, given, axes) = ((target, tool), row.and_then(|r| r.force), (frame.as_ref(), leaned, held));
+        let load = match self.carried.laws.load(cut, given, axes, &wobj_from_tcp, table) {
             Ok(load) => load,
-            Err((code, message, help)) => return self.refuse(target, code, &message, &help),
+            Err(Refusal { code, message, help }) => return self.refuse(target, code, &message, &help),
         };
-        let through = match self.carried.laws.through((target, tool), self.options.has_force_table(self.cell)) {
+        let through = match self.carried.laws.through(cut, table) {
             Ok(through) => through,
-            Err((code, message, help)) => return self.refuse(target, code, &message, &help),
+            Err(Refusal { code, message, help }) => return self.refuse(target, code, &message, &help),
         };
         let cuts = !matches!(load, PointLoad::Air);
-        let table = self.options.has_force_table(self.cell);
         let plunges = length > CHORD && feed_frame.is_none() && self.carried.laws.in_feed_frame((target, tool), table);
         let point = Point {
             setting,
@@ -604,10 +598,8 @@ impl Walk<'_, '_> {
         SettingAndTool { setting, tool }: SettingAndTool,
         stand: &Stand,
     ) {
-        if self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool) {
-            let message = format!("it cannot be computed what this move cuts from the stock: {why}");
-            let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
-            return self.refuse(target, "cell.stock", &message, &help);
+        if self.may_cut_unknown_stock(target, why, tool) {
+            return;
         }
         let point = Point::unsolved(why, wobj_from_tcp, dragged, setting, self.last());
         self.points.push(Point { moved: stand.moved.clone(), ..point });
@@ -620,6 +612,17 @@ impl Walk<'_, '_> {
             return Some(pose);
         }
         spin::pose(self.ahead.spin(), position_mm, axis, chord, &mut self.carried.spun)
+    }
+
+    /// Refuses a target from which on the stock would not be known, because its move may cut. Returns whether it did.
+    fn may_cut_unknown_stock(&mut self, target: &Target, why: KeptReason, tool: usize) -> bool {
+        let is_refused = self.cell.stock.is_some() && self.carried.laws.may_cut(target, tool);
+        if is_refused {
+            let message = format!("it cannot be computed what this move cuts from the stock: {why}");
+            let help = format!("mark it `{}`, or leave [stock] out", self.program.language.mark(Mark::Air));
+            self.refuse(target, "cell.stock", &message, &help);
+        }
+        is_refused
     }
 
     fn refuse(&mut self, target: &Target, code: &'static str, message: &str, help: &str) {

@@ -16,11 +16,7 @@ use std::sync::Arc;
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let prepared = deflex_correct::Prepared::new(&program, &cell, &Default::default())?;
 /// let point = &prepared.points[0];
 /// println!("{:.1} s, {:.3} m/s", point.time, point.velocity.norm());

@@ -67,7 +67,6 @@ const CORNER_TOLERANCE_MM: f64 = 0.05;
 /// fn points(chunks: cl::Chunks<std::fs::File>) -> Result<usize, StreamError> {
 ///     Ok(Outline::of_chunks(chunks, |_, _| ())?.points())
 /// }
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Outline {
@@ -285,7 +284,6 @@ fn post_cl(program: &Program, corrected: &Corrected, options: &PostOptions) -> R
 /// fn files(outline: Outline, cell: &Cell, options: &PostOptions) -> Result<usize, Vec<Diagnostic>> {
 ///     Ok(Poster::new(outline, cell, options)?.files())
 /// }
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Debug)]
 pub struct Poster {
@@ -465,28 +463,14 @@ fn are_chosen(cell: &Cell) -> bool {
 }
 
 fn wobj_data(cell: &Cell, name: &str, language: Language) -> WobjData {
-    const UPRIGHT: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
+    const NONE: ([f64; 3], [f64; 4]) = ([0.0; 3], [1.0, 0.0, 0.0, 0.0]);
     let pose = cell.wobjs.get(&name.to_ascii_uppercase()).copied().unwrap_or_else(Pose::identity);
     // A controller that counts from the robot's base has no world frame.
     let in_base = || cell.arm.robot.world_from_base.inverse() * pose;
-    let (mm, quat) = frames::millimetres(&if language.robot_base().is_some() { in_base() } else { pose });
-    if unit_of(cell, name).is_some() {
-        // The user frame is the unit's own.
-        return WobjData {
-            robhold: false,
-            fixed: false,
-            uframe_mm: [0.0; 3],
-            uframe_quat: UPRIGHT,
-            oframe_mm: mm,
-            oframe_quat: quat,
-        };
-    }
-    WobjData {
-        robhold: false,
-        fixed: true,
-        uframe_mm: mm,
-        uframe_quat: quat,
-        oframe_mm: [0.0; 3],
-        oframe_quat: UPRIGHT,
-    }
+    let own = frames::millimetres(&if language.robot_base().is_some() { in_base() } else { pose });
+    // The user frame of a work object on a unit is the unit's own.
+    let fixed = unit_of(cell, name).is_none();
+    let (user, object) = if fixed { (own, NONE) } else { (NONE, own) };
+    let ((uframe_mm, uframe_quat), (oframe_mm, oframe_quat)) = (user, object);
+    WobjData { robhold: false, fixed, uframe_mm, uframe_quat, oframe_mm, oframe_quat }
 }

@@ -11,11 +11,7 @@ use std::sync::Arc;
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// use deflex_correct::Status;
 ///
@@ -37,11 +33,7 @@ pub enum Status {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// let names = corrected.rows[0].names.as_ref().expect("names of tool and work object");
 /// println!("{} in {}", names.tool, names.wobj);
@@ -61,14 +53,13 @@ pub struct RowNames {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-/// let row = &corrected.rows[0];
+/// let row = &corrected.rows[10];
 /// println!("line {}: error {:?} mm, correction {:?} mm", row.line, row.error_mm, row.correction_mm);
+/// assert!(row.is_solved() && row.reason() == ""); // it is not kept
+/// assert!((row.error_norm_mm() - 0.14).abs() < 0.01 && row.correction_norm_mm() > 0.0);
+/// assert!(row.remaining_norm_mm() < 1e-4 && row.remaining_path_mm().is_some_and(|mm| mm < 0.001));
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -130,11 +121,7 @@ pub struct Row {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// use deflex_correct::{Options, compensate};
 ///
 /// let rows = compensate(&program, &cell, &Options { stance: true, ..Options::default() })?.rows;
@@ -166,11 +153,7 @@ pub struct Stance {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// use deflex_correct::{Options, compensate};
 ///
 /// let rows = compensate(&program, &cell, &Options { stiffness: true, ..Options::default() })?.rows;
@@ -190,76 +173,24 @@ pub struct Stiffness {
 
 impl Row {
     /// Size of the predicted error, mm.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-    /// let row = &corrected.rows[10];
-    /// assert!((row.error_norm_mm() - 0.14).abs() < 0.01); // mm
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn error_norm_mm(&self) -> f64 {
         Vector3::from(self.error_mm).norm()
     }
 
     /// Size of the correction, mm.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-    /// let row = &corrected.rows[10];
-    /// assert!(row.correction_norm_mm() > 0.0); // mm
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn correction_norm_mm(&self) -> f64 {
         Vector3::from(self.correction_mm).norm()
     }
 
     /// Size of the error that remains, mm.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-    /// let row = &corrected.rows[10];
-    /// assert!(row.remaining_norm_mm() < 1e-4); // mm
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn remaining_norm_mm(&self) -> f64 {
         Vector3::from(self.remaining_mm).norm()
     }
 
     /// Largest distance of the tip from the programmed path on the segment to the target, mm.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-    /// let row = &corrected.rows[10];
-    /// assert!(row.remaining_path_mm().is_some_and(|mm| mm < 0.001));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn remaining_path_mm(&self) -> Option<f64> {
         self.path.map(|path| path.max_mm)
@@ -307,19 +238,6 @@ impl Row {
     }
 
     /// Why the target is kept or not judged; empty for others.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-    /// let row = &corrected.rows[10];
-    /// assert_eq!(row.reason(), ""); // it is not kept
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn reason(&self) -> &'static str {
         if let Status::Kept(reason) = self.status { reason.text() } else { "" }
@@ -333,19 +251,6 @@ impl Row {
     }
 
     /// Whether its errors are known: the target was solved.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-    /// let row = &corrected.rows[10];
-    /// assert!(row.is_solved());
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn is_solved(&self) -> bool {
         !self.error_normal_mm.is_nan()
@@ -383,11 +288,7 @@ impl Row {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// let summary = deflex_correct::Summary::of(&corrected.rows);
 /// assert_eq!(summary.targets, summary.corrected + summary.unchanged + summary.air);
@@ -572,19 +473,11 @@ mod tests {
 
     fn row(status: Status, error: f64, force: f64) -> Row {
         Row {
-            target: 1,
-            line: 1,
-            name: None,
             status,
-            position_mm: [0.0; 3],
             error_mm: [0.0, error, 0.0],
-            error_deg: [0.0; 3],
             error_normal_mm: error,
-            correction_mm: [0.0; 3],
-            correction_deg: [0.0; 3],
             remaining_mm: [0.0, 0.1 * error, 0.0],
             force_n: [force, 0.0, 0.0],
-            path: None,
             ..Row::default()
         }
     }

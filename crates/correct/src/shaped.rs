@@ -7,10 +7,11 @@
 use super::collected::too_large;
 use super::context::Context;
 use super::corrected::DrivenSummary;
-use super::course::Course;
+use super::course::{Course, zone_of};
 use super::driven::{DrivenSegments, Sampling, driven_segments, loaded_along, original_waypoint};
 use super::line::compensate_in;
 use super::original_loads::{OriginalLoads, OriginalTarget};
+use super::refusal::Refusal;
 use super::{Corrected, Options, Prepared, Row, frames};
 use deflex_cell::{Cell, ControllerPath};
 use deflex_drive::{CommandedMotion, DriveError, Freedom, ShapedCommand, Wanted, shape};
@@ -203,11 +204,7 @@ impl Given<'_> {
 
     /// Zone (m) of a point that is inserted before a target; `None` if the arm would come to rest there, or if the zone is not known.
     fn added_zone(&self, before: usize) -> Option<f64> {
-        match self.program.inserted_passing(before) {
-            Passing::Stop => None,
-            Passing::Zone(mm) => Some(1e-3 * mm),
-            Passing::Unstated => self.path.zone,
-        }
+        zone_of(self.program.inserted_passing(before), self.path.zone)
     }
 
     fn refused(&self, error: DriveError) -> Vec<Diagnostic> {
@@ -317,9 +314,7 @@ impl Given<'_> {
         let mut more = 0;
         for (waypoint, inserted) in shaped.inserted.iter().enumerate() {
             let target = course.targets[waypoint];
-            #[allow(clippy::cast_possible_truncation)] // far fewer than motions
-            let count = *inserted as u32;
-            more += count;
+            more += *inserted as u32; // far fewer than motions
             ordinals.push((program.targets[target].ordinal + more, waypoint));
         }
         let inserted: usize = shaped.inserted.iter().sum();
@@ -361,7 +356,7 @@ impl Given<'_> {
             else {
                 continue;
             };
-            let (code, message, help) = too_large(1e-3 * row.correction_norm_mm(), most);
+            let Refusal { code, message, help } = too_large(1e-3 * row.correction_norm_mm(), most);
             let message = format!("target {}: {message}", row.target);
             corrected.failures.push(program.error_at(target, code, message).help(help));
         }

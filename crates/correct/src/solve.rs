@@ -312,19 +312,12 @@ pub(super) fn controller_motor(robot: &Robot, setting: &Setting, pose: &Pose, ne
     robot.inverse_near_unlimited(&setting.base_from_flange(pose), near).ok()
 }
 
-/// Numbers as a post-processor prints them and the controller stores them: fixed decimals, single precision.
-fn as_printed(pose: &Pose, position_decimals: usize, quat_decimals: usize) -> ([f64; 3], [f64; 4]) {
-    #[allow(clippy::cast_possible_truncation)]
-    let round = |value: f64, decimals: usize| f64::from(number::printed(value, decimals) as f32);
-    let (position, quat) = frames::millimetres(pose);
-    (position.map(|v| round(v, position_decimals)), quat.map(|v| round(v, quat_decimals)))
-}
-
 /// A pose as the controller of the posted program stores it: position, mm, and orientation, scalar first.
 pub(super) fn as_posted(pose: &Pose, post: Option<Language>) -> ([f64; 3], [f64; 4]) {
+    let (position, quat) = frames::millimetres(pose);
     if let Some(held) = post.and_then(|post| post.about().post.held) {
-        let (position, quat) = frames::millimetres(pose);
         return held(position, quat);
     }
-    as_printed(pose, POSTED_DECIMALS.0, POSTED_DECIMALS.1)
+    let round = |value: f64, decimals: usize| f64::from(number::printed(value, decimals) as f32);
+    (position.map(|v| round(v, POSTED_DECIMALS.0)), quat.map(|v| round(v, POSTED_DECIMALS.1)))
 }

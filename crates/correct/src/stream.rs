@@ -309,7 +309,6 @@ fn changed(chunk: &StreamableChunk, corrected: &Corrected) -> Option<Vec<Changed
         let mut text = Vec::new();
         // Writing to a Vec cannot fail.
         let _ = apply_within(bytes, from..to, here, &mut text);
-        #[allow(clippy::cast_possible_truncation)] // within a chunk
         out.push(Changed { start: at + (from - own.start) as u64, old: (to - from) as u32, text, shared });
     }
     Some(out)

@@ -1,6 +1,6 @@
 //! Backlash, or lost motion: after a reversal, the joint stays where it is until the motor has crossed the gap of the gear.
 
-use super::{Effect, Kind, NOT_NEGATIVE, Offset, Parameter, Physics, Presliding, Site, checked, per_axis, take};
+use super::{Effect, Kind, NOT_NEGATIVE, Number, Offset, Physics, Presliding, Site, checked, per_axis};
 use deflex_lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -45,13 +45,9 @@ impl Effect for Backlash {
         Box::new(Self { presliding_rad, ..*self })
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // Makers quote up to an arc minute; 10 to 20 arc seconds are usual.
-        per_axis("half_gap_rad", &self.half_gap_rad, "rad", 1e-4, 0.0, NOT_NEGATIVE)
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { half_gap_rad: take(&mut values), ..*self })
+        per_axis("half_gap_rad", &mut self.half_gap_rad, "rad", 1e-4, 0.0, NOT_NEGATIVE)
     }
 }
 
@@ -62,10 +58,7 @@ mod tests {
 
     #[test]
     fn the_gap_is_lost() {
-        let (_, out) = Bench::default().run(
-            r#"kind = "backlash"
-            half_gap_rad = [0, 7e-5, 0, 0, 2e-4, 0]"#,
-        );
+        let (_, out) = Bench::default().run("backlash", "half_gap_rad = [0, 7e-5, 0, 0, 2e-4, 0]");
         assert_abs_diff_eq!(out.lost[1], 7e-5);
         assert_abs_diff_eq!(out.lost[4], 2e-4);
     }

@@ -1,8 +1,6 @@
 //! A pedestal or foundation that yields under all loads on the arm.
 
-use super::{
-    Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, per_direction, take,
-};
+use super::{Deflection, Effect, Kind, Load, NOT_NEGATIVE, Number, Parts, Physics, State, checked, per_direction};
 use deflex_lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +9,7 @@ pub(super) const KIND: Kind = Kind {
     summary: "the pedestal or foundation yields",
     forms: &["mm_per_n = [1e-5, 0, 0]"],
     bends_under_load: true,
+    parts: Parts::BASE,
     read: |table| checked(table.try_into::<BaseCompliance>()?),
     candidates: |survey| if survey.is_loaded() { vec![Box::new(BaseCompliance::default())] } else { vec![] },
     ..Kind::PLAIN
@@ -25,10 +24,6 @@ pub(super) struct BaseCompliance {
 }
 
 impl Physics for BaseCompliance {
-    fn parts(&self) -> Parts {
-        Parts::BASE
-    }
-
     #[inline(always)]
     fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
         let all = load.all(state.base_from_tcp.origin);
@@ -38,15 +33,11 @@ impl Physics for BaseCompliance {
 }
 
 impl Effect for BaseCompliance {
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // Foundations measure 1e6 to 5e7 N·m/rad; a pedestal on a plate is softer than a cast floor.
-        let mut all = per_direction("mm_per_n", &self.mm_per_n, "mm/N", 4e-5, 0.0, NOT_NEGATIVE);
-        all.extend(per_direction("rad_per_nm", &self.rad_per_nm, "rad/(N·m)", 1e-6, 0.0, NOT_NEGATIVE));
+        let mut all = per_direction("mm_per_n", &mut self.mm_per_n, "mm/N", 4e-5, 0.0, NOT_NEGATIVE);
+        all.extend(per_direction("rad_per_nm", &mut self.rad_per_nm, "rad/(N·m)", 1e-6, 0.0, NOT_NEGATIVE));
         all
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { mm_per_n: take(&mut values), rad_per_nm: take(&mut values) })
     }
 }
 
@@ -59,11 +50,8 @@ mod tests {
     #[test]
     fn it_sinks_and_nods_under_a_push_down() {
         // 100 N down, 1.593 m in front: it sinks by 100 · 2e-5 mm and nods forward by 159.3 · 1e-6 rad.
-        let (_, out) = Bench::pushed(0.0, 0.0, -100.0).run(
-            r#"kind = "base_compliance"
-            mm_per_n = [0, 0, 2e-5]
-            rad_per_nm = [0, 1e-6, 0]"#,
-        );
+        let (_, out) = Bench::pushed(0.0, 0.0, -100.0)
+            .run("base_compliance", "mm_per_n = [0, 0, 2e-5]\nrad_per_nm = [0, 1e-6, 0]");
         assert_abs_diff_eq!(out.base.shift, Vector3::new(0.0, 0.0, -2e-6), epsilon = 1e-18);
         assert_abs_diff_eq!(out.base.turn, Vector3::new(0.0, 1.593e-4, 0.0), epsilon = 1e-16);
     }

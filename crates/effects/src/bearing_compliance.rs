@@ -1,6 +1,6 @@
 //! Links and bearings that yield about axes perpendicular to the joint axis, in addition to the springs of the gears.
 
-use super::{Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, checked, indexed, take};
+use super::{Deflection, Effect, Kind, Load, NOT_NEGATIVE, Number, Parts, Physics, State, checked, indexed};
 use deflex_lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -9,6 +9,7 @@ pub(super) const KIND: Kind = Kind {
     summary: "links and bearings yield across the joint axes",
     forms: &["rad_per_nm = [[0, 0], [0, 0], [0, 0], [0, 0], [0, 0], [0, 0]]"],
     bends_under_load: true,
+    parts: Parts::TILT,
     read: |table| checked(table.try_into::<BearingCompliance>()?),
     candidates: |survey| {
         if survey.is_loaded() { vec![Box::new(BearingCompliance { rad_per_nm: [[0.0; 2]; 6] })] } else { vec![] }
@@ -24,10 +25,6 @@ pub(super) struct BearingCompliance {
 }
 
 impl Physics for BearingCompliance {
-    fn parts(&self) -> Parts {
-        Parts::TILT
-    }
-
     #[inline(always)]
     fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
         for i in 0..6 {
@@ -41,16 +38,12 @@ impl Physics for BearingCompliance {
 }
 
 impl Effect for BearingCompliance {
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // Typical bearings have 1e6 to 5e7 N·m/rad, about five times the stiffness of the gears.
-        let of = |(i, pair): (usize, &[f64; 2])| {
-            indexed(&format!("rad_per_nm[{i}]"), pair, "rad/(N·m)", 6e-7, 0.0, NOT_NEGATIVE)
-        };
-        self.rad_per_nm.iter().enumerate().flat_map(of).collect()
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { rad_per_nm: std::array::from_fn(|_| take(&mut values)) })
+        let pairs = self.rad_per_nm.iter_mut().enumerate();
+        pairs
+            .flat_map(|(i, pair)| indexed(&format!("rad_per_nm[{i}]"), pair, "rad/(N·m)", 6e-7, 0.0, NOT_NEGATIVE))
+            .collect()
     }
 }
 
@@ -62,10 +55,8 @@ mod tests {
     #[test]
     fn each_link_feels_its_own_lever() {
         // 100 N down: 159.3 N·m about y of link 1, 20 N·m about y of link 6 (0.2 m of tool).
-        let (_, out) = Bench::pushed(0.0, 0.0, -100.0).run(
-            r#"kind = "bearing_compliance"
-            rad_per_nm = [[1e-6, 1e-6], [0, 0], [0, 0], [0, 0], [0, 0], [1e-6, 1e-6]]"#,
-        );
+        let (_, out) = Bench::pushed(0.0, 0.0, -100.0)
+            .run("bearing_compliance", "rad_per_nm = [[1e-6, 1e-6], [0, 0], [0, 0], [0, 0], [0, 0], [1e-6, 1e-6]]");
         assert_abs_diff_eq!(out.tilt[0][1], 1.593e-4, epsilon = 1e-16);
         assert_abs_diff_eq!(out.tilt[5][1], 2e-5, epsilon = 1e-16);
         assert_abs_diff_eq!(out.tilt[5][0], 0.0, epsilon = 1e-16);

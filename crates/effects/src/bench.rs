@@ -40,11 +40,9 @@ impl Bench {
         Self { force: Vector3::new(x, y, z), ..Self::default() }
     }
 
-    /// Loads and motion by one effect, given as its `[[effect]]` table.
-    pub(super) fn run(&self, effect: &str) -> (Loads, Moved) {
-        let mut table: toml::Table = effect.parse().unwrap();
-        let name = table.remove("kind").unwrap();
-        let effect = (kind(name.as_str().unwrap()).unwrap().read)(table).unwrap();
+    /// Loads and motion by one effect, given as its kind and the other keys of its `[[effect]]` table.
+    pub(super) fn run(&self, name: &str, keys: &str) -> (Loads, Moved) {
+        let effect = (kind(name).unwrap().read)(keys.parse().unwrap()).unwrap();
         let law = effect.law();
         let robot = BUILTIN.iter().find(|robot| robot.model == "irb6660-205-1.9").unwrap().robot();
         let situation = &self.situation;

@@ -1,6 +1,6 @@
 //! A hose or cable package that pulls on the forearm.
 
-use super::{ANY, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, Survey, scalar};
+use super::{ANY, Effect, Kind, Load, NOT_NEGATIVE, Need, Number, Parts, Physics, State, Survey, scalar};
 use deflex_lanes::{Mask, Real, Vector};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -11,6 +11,8 @@ pub(super) const KIND: Kind = Kind {
     forms: &[
         "stiffness_n_per_m = 300\nrest_mm = 600\nfrom_mm = [-300, 200, 300]\nfrom_link = 0\nto_mm = [50, 100, 0]\nto_link = 3",
     ],
+    parts: Parts::WEIGHTS,
+    needs: &[Need::Stiffness],
     read,
     candidates,
     ..Kind::PLAIN
@@ -65,10 +67,6 @@ fn metres<R: Real>(mm: &[f64; 3]) -> Vector<R> {
 }
 
 impl Physics for CablePull {
-    fn parts(&self) -> Parts {
-        Parts::WEIGHTS
-    }
-
     #[inline(always)]
     fn load<R: Real>(&self, state: &State<'_, R>, load: &mut Load<R>) {
         let links = &state.chain.links;
@@ -88,24 +86,13 @@ impl Physics for CablePull {
 }
 
 impl Effect for CablePull {
-    fn needs(&self) -> &'static [Need] {
-        &[Need::Stiffness]
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
+        let rest_mm = self.rest_mm;
         vec![
-            scalar("stiffness_n_per_m", self.stiffness_n_per_m, "N/m", 300.0, 0.0, NOT_NEGATIVE),
+            scalar("stiffness_n_per_m", &mut self.stiffness_n_per_m, "N/m", 300.0, 0.0, NOT_NEGATIVE),
             // At zero stiffness the rest length has no effect, so any value is neutral.
-            scalar("rest_mm", self.rest_mm, "mm", 100.0, self.rest_mm, ANY),
+            scalar("rest_mm", &mut self.rest_mm, "mm", 100.0, rest_mm, ANY),
         ]
-    }
-
-    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
-        let mut other = self.clone();
-        if let [stiffness, rest] = values {
-            (other.stiffness_n_per_m, other.rest_mm) = (*stiffness, *rest);
-        }
-        Box::new(other)
     }
 }
 
@@ -116,31 +103,29 @@ mod tests {
 
     fn cable(rest_mm: f64, from: &str) -> String {
         // The origin of link 4 is the wrist centre: (1.193, 0, 1.7945) m at zero angles.
-        format!(
-            "kind = 'cable_pull'\nstiffness_n_per_m = 1000\nrest_mm = {rest_mm}\n{from}\nto_mm = [0, 0, 0]\nto_link = 4"
-        )
+        format!("stiffness_n_per_m = 1000\nrest_mm = {rest_mm}\n{from}\nto_mm = [0, 0, 0]\nto_link = 4")
     }
 
     #[test]
     fn a_hose_from_the_base_pulls_the_wrist_straight_down() {
         // Fastened below the wrist, 1.7945 m long, at rest 1.5945 m: 200 N down, 0.893 m in front of axis 3.
-        let (load, _) = Bench::default().run(&cable(1594.5, "from_mm = [1193, 0, 0]\nfrom_link = 0"));
-        let (weight, _) = Bench::default().run("kind = 'gravity'\nmass_kg = [0, 0, 0, 20, 0, 0]");
+        let (load, _) = Bench::default().run("cable_pull", &cable(1594.5, "from_mm = [1193, 0, 0]\nfrom_link = 0"));
+        let (weight, _) = Bench::default().run("gravity", "mass_kg = [0, 0, 0, 20, 0, 0]");
         assert_abs_diff_eq!(load.torque, weight.torque, epsilon = 1e-9);
         assert!(load.torque[2].abs() > 100.0, "{:?}", load.torque);
     }
 
     #[test]
     fn a_slack_hose_does_nothing() {
-        let (load, _) = Bench::default().run(&cable(2000.0, "from_mm = [1193, 0, 0]\nfrom_link = 0"));
+        let (load, _) = Bench::default().run("cable_pull", &cable(2000.0, "from_mm = [1193, 0, 0]\nfrom_link = 0"));
         assert_abs_diff_eq!(load.torque.iter().map(|t| t.abs()).sum::<f64>(), 0.0);
     }
 
     #[test]
     fn what_pulls_on_the_column_leaves_axis_1_alone() {
         let aside = "from_mm = [0, 500, 0]";
-        let (base, _) = Bench::default().run(&cable(100.0, &format!("{aside}\nfrom_link = 0")));
-        let (column, _) = Bench::default().run(&cable(100.0, &format!("{aside}\nfrom_link = 1")));
+        let (base, _) = Bench::default().run("cable_pull", &cable(100.0, &format!("{aside}\nfrom_link = 0")));
+        let (column, _) = Bench::default().run("cable_pull", &cable(100.0, &format!("{aside}\nfrom_link = 1")));
         assert!(base.torque[0].abs() > 1.0, "{:?}", base.torque);
         assert_abs_diff_eq!(column.torque[0], 0.0, epsilon = 1e-9);
     }

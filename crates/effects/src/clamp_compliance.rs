@@ -2,7 +2,7 @@
 
 use super::physics::MOTIONS;
 use super::{
-    Deflection, Effect, Kind, Load, MOST_CLAMPS, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, scalar,
+    Deflection, Effect, Kind, Load, MOST_CLAMPS, NOT_NEGATIVE, Need, Number, Parts, Physics, State, checked, indexed,
 };
 use deflex_lanes::{Real, Vector};
 use serde::de::Error;
@@ -13,6 +13,8 @@ pub(super) const KIND: Kind = Kind {
     summary: "clamps of the part give way",
     forms: &["clamps = [{ clamp = 1, mm_per_n = [0, 0, 0] }, { clamp = 2, mm_per_n = [0, 0, 0] }]"],
     bends_under_load: true,
+    parts: Parts::PART,
+    needs: &[Need::Force],
     read,
     candidates: |survey| {
         let one = |clamp| ClampCompliance { clamps: vec![SoftClamp { clamp, mm_per_n: [0.0; 3] }] };
@@ -69,10 +71,6 @@ impl ClampCompliance {
 }
 
 impl Physics for ClampCompliance {
-    fn parts(&self) -> Parts {
-        Parts::PART
-    }
-
     #[inline(always)]
     fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
         let part = &state.site.part;
@@ -115,29 +113,16 @@ impl Physics for ClampCompliance {
 }
 
 impl Effect for ClampCompliance {
-    fn needs(&self) -> &'static [Need] {
-        &[Need::Force]
-    }
-
     fn clamps(&self) -> usize {
         self.clamps.iter().map(|soft| soft.clamp).max().unwrap_or(0)
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // From a vice of 50 N/µm to a toe clamp or a vacuum bed of 10 N/µm and less.
-        let of = |(i, soft): (usize, &SoftClamp)| {
-            [0, 1, 2].map(|k| {
-                let name = format!("clamps[{i}].mm_per_n[{k}]");
-                scalar(&name, soft.mm_per_n[k], "mm/N", 1e-4, 0.0, NOT_NEGATIVE)
-            })
-        };
-        self.clamps.iter().enumerate().flat_map(of).collect()
-    }
-
-    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
-        let with =
-            |(soft, own): (&SoftClamp, &[f64])| SoftClamp { clamp: soft.clamp, mm_per_n: [own[0], own[1], own[2]] };
-        Box::new(Self { clamps: self.clamps.iter().zip(values.chunks_exact(3)).map(with).collect() })
+        let clamps = self.clamps.iter_mut().map(|soft| &mut soft.mm_per_n).enumerate();
+        clamps
+            .flat_map(|(i, soft)| indexed(&format!("clamps[{i}].mm_per_n"), soft, "mm/N", 1e-4, 0.0, NOT_NEGATIVE))
+            .collect()
     }
 }
 
@@ -161,9 +146,9 @@ mod tests {
         PartYield { compliance: Matrix3::from_diagonal(&Vector3::new(1.0 / 13.5e6, 0.0, 0.0)), motions, stiffness }
     }
 
-    fn shift(effect: &str) -> f64 {
+    fn shift(clamps: &str) -> f64 {
         let bench = Bench { part: Some(bar()), ..Bench::pushed(900.0, 0.0, 0.0) };
-        let (_, out) = bench.run(effect);
+        let (_, out) = bench.run("clamp_compliance", clamps);
         assert_abs_diff_eq!(out.part.yz().norm(), 0.0, epsilon = 1e-18);
         out.part.x
     }
@@ -173,20 +158,15 @@ mod tests {
         // Springs of 1e6 and 2e6 N/m in series with the pieces of 9e6 and 4.5e6 N/m: 0.9e6 + 1.3846e6 N/m side by side, less than the bar
         // itself yields. What acts on the tool acts on the part the other way.
         let soft = -900.0 * (1.0 / (0.9e6 + 1.0 / (1.0 / 2e6 + 1.0 / 4.5e6)) - 1.0 / 13.5e6);
-        let found = shift(
-            r#"kind = "clamp_compliance"
-            clamps = [{ clamp = 2, mm_per_n = [5e-4, 0, 0] }, { clamp = 1, mm_per_n = [1e-3, 1e-3, 0] }]"#,
-        );
+        let found =
+            shift("clamps = [{ clamp = 2, mm_per_n = [5e-4, 0, 0] }, { clamp = 1, mm_per_n = [1e-3, 1e-3, 0] }]");
         assert_abs_diff_eq!(found, soft, epsilon = 1e-12);
     }
 
     #[test]
     fn a_clamp_that_holds_nothing_leaves_all_to_the_other() {
         // The part hangs on the piece of 4.5e6 N/m.
-        let found = shift(
-            r#"kind = "clamp_compliance"
-            clamps = [{ clamp = 1, mm_per_n = [1e6, 0, 0] }]"#,
-        );
+        let found = shift("clamps = [{ clamp = 1, mm_per_n = [1e6, 0, 0] }]");
         assert_abs_diff_eq!(found, -900.0 * (1.0 / 4.5e6 - 1.0 / 13.5e6), epsilon = 1e-10);
     }
 }

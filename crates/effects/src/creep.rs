@@ -5,8 +5,7 @@
 //! (a Prony series: Ferry, Viscoelastic Properties of Polymers, chapter 4), and is linear in the shares.
 
 use super::{
-    CREEP_TIMES_S, Deflection, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Physics, State, checked, per_axis,
-    take,
+    CREEP_TIMES_S, Deflection, Effect, Kind, Load, NOT_NEGATIVE, Need, Number, Physics, State, checked, per_axis,
 };
 use deflex_lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -16,6 +15,8 @@ pub(super) const KIND: Kind = Kind {
     summary: "joints keep yielding for seconds and minutes under a lasting cutting force",
     forms: &["share_5_s = [0, 0, 0, 0, 0, 0]\nshare_25_s = [0, 0.05, 0.05, 0, 0, 0]\nshare_125_s = [0, 0, 0, 0, 0, 0]"],
     bends_under_load: true,
+    needs: &[Need::Stiffness, Need::Force, Need::Time],
+    follows_load: true,
     read: |table| checked(table.try_into::<Creep>()?),
     candidates: |survey| match survey.stiffness_declared && survey.has_force && survey.time.is_some() {
         true => vec![Box::new(Creep { share_5_s: [0.0; 6], share_25_s: [0.0; 6], share_125_s: [0.0; 6] })],
@@ -53,22 +54,11 @@ impl Physics for Creep {
 }
 
 impl Effect for Creep {
-    fn follows_load(&self) -> bool {
-        true
-    }
-
-    fn needs(&self) -> &'static [Need] {
-        &[Need::Stiffness, Need::Force, Need::Time]
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // That gears creep by a tenth of their deflection is an assumption, for which we have no source.
-        let named = ["share_5_s", "share_25_s", "share_125_s"].into_iter().zip(self.shares());
+        let shares = [&mut self.share_5_s, &mut self.share_25_s, &mut self.share_125_s];
+        let named = ["share_5_s", "share_25_s", "share_125_s"].into_iter().zip(shares);
         named.flat_map(|(name, shares)| per_axis(name, shares, "1", 0.1, 0.0, NOT_NEGATIVE)).collect()
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { share_5_s: take(&mut values), share_25_s: take(&mut values), share_125_s: take(&mut values) })
     }
 }
 
@@ -87,10 +77,8 @@ mod tests {
         let mut bench = Bench::default();
         bench.situation.torque = Some(Box::leak(Box::new(torque)));
         let (_, out) = bench.run(
-            r#"kind = "creep"
-            share_5_s = [0, 0.1, 0, 0, 0, 0]
-            share_25_s = [0, 0.05, 0, 0, 0, 0]
-            share_125_s = [0, 0.1, 0, 0, 0, 0]"#,
+            "creep",
+            "share_5_s = [0, 0.1, 0, 0, 0, 0]\nshare_25_s = [0, 0.05, 0, 0, 0, 0]\nshare_125_s = [0, 0.1, 0, 0, 0, 0]",
         );
         assert_abs_diff_eq!(out.joints[1], 5e-5, epsilon = 1e-16);
         assert_abs_diff_eq!(out.joints[0], 0.0);

@@ -5,7 +5,7 @@
 //! the wrist has other angles, or the cutting force is another.
 
 use super::empirical_field::NOTHING;
-use super::{Deflection, Effect, Load, Parameter, Parts, Physics, Situation, State};
+use super::{Deflection, Effect, Load, Number, Parts, Physics, Situation, State};
 use deflex_lanes::{Mask, Real, Vector};
 use deflex_robot::Joints;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Vector3};
@@ -181,13 +181,9 @@ impl Physics for Discrepancy {
 }
 
 impl Effect for Discrepancy {
-    /// No parameters to fit: neighbouring bells overlap, so that single heights mean nothing.
-    fn parameters(&self) -> Vec<Parameter> {
+    /// None to fit: neighbouring bells overlap, so that single heights mean nothing.
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         Vec::new()
-    }
-
-    fn with_values(&self, _: &[f64]) -> Box<dyn Effect> {
-        Box::new(self.clone())
     }
 
     /// The heights of the bells, mm: the three axes of the first bell, then those of the next.
@@ -225,8 +221,7 @@ mod tests {
     use nalgebra::Vector3;
 
     /// Two bells at one place, for a cut along x and for none.
-    const BELLS: &str = r#"kind = "empirical"
-        reach = 2
+    const BELLS: &str = r#"reach = 2
         spread = [50, 0, 100]
         at_mm = [[100, 0, 0], [100, 0, 0]]
         wrist_deg = [[0, 0, 0], [0, 0, 0]]
@@ -237,7 +232,7 @@ mod tests {
         let mut bench = Bench::pushed(force, 0.0, 0.0);
         bench.situation.base_from_wobj.translation.vector = Vector3::zeros();
         bench.situation.wobj_from_tcp.translation.vector = Vector3::new(x, 0.0, 0.0);
-        bench.run(BELLS).1.base.shift
+        bench.run("empirical", BELLS).1.base.shift
     }
 
     #[test]
@@ -252,8 +247,7 @@ mod tests {
     /// the centre, and nearly all of it two reaches away.
     #[test]
     fn the_variance_grows_from_the_centre_outwards() {
-        let one = r#"kind = "empirical"
-            reach = 1
+        let one = r#"reach = 1
             spread = [50, 0, 0]
             at_mm = [[100, 0, 0]]
             wrist_deg = [[0, 0, 0]]
@@ -261,15 +255,7 @@ mod tests {
             shift_mm = [[0.1, 0, 0]]
             sigma_mm = 0.03
             noise_mm = 0.01"#;
-        let effect = (kind("empirical").unwrap().read)(
-            toml::from_str::<toml::Table>(one)
-                .map(|mut table| {
-                    table.remove("kind");
-                    table
-                })
-                .unwrap(),
-        )
-        .unwrap();
+        let effect = (kind("empirical").unwrap().read)(one.parse().unwrap()).unwrap();
         let variance = |x: f64| {
             let mut bench = Bench::default();
             bench.situation.base_from_wobj.translation.vector = Vector3::zeros();

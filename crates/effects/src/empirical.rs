@@ -6,7 +6,7 @@
 pub(super) use super::discrepancy::Discrepancy;
 pub(super) use super::empirical_field::EmpiricalField;
 use super::empirical_field::NAME;
-use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, indexed};
+use super::{ANY, Effect, Kind, Number, Offset, Parts, Physics, Site, checked, indexed};
 use deflex_lanes::{Mask, Real, Vector, six};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -21,6 +21,7 @@ pub(super) const KIND: Kind = Kind {
         "reach = 2\nspread = [80, 5, 100]\nat_mm = [[900, 0, 400]]\nwrist_deg = [[0, 30, 0]]\nforce_n = [[0, 0, 0]]\nshift_mm = [[0, 0, 0]]",
     ],
     shape: super::Shape::Map,
+    parts: Parts::LAG,
     read,
     ..Kind::PLAIN
 };
@@ -187,10 +188,6 @@ fn fade<R: Real>(scaled: &[R]) -> R {
 }
 
 impl Physics for Empirical {
-    fn parts(&self) -> Parts {
-        Parts::LAG
-    }
-
     #[inline(always)]
     fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
         let scaled = self.scaled_of(site);
@@ -214,15 +211,9 @@ impl Effect for Empirical {
         self.over == Over::Motor
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
-        let of = |(key, values): (&str, &Vec<f64>)| indexed(key, values, "mm", 0.05, 0.0, ANY);
-        ["x_mm", "y_mm", "z_mm"].into_iter().zip(&self.shift_mm).flat_map(of).collect()
-    }
-
-    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
-        let count = self.terms.len();
-        let shift_mm = std::array::from_fn(|i| values[i * count..(i + 1) * count].to_vec());
-        Box::new(Self { shift_mm, ..self.clone() })
+    fn numbers(&mut self) -> Vec<Number<'_>> {
+        let named = ["x_mm", "y_mm", "z_mm"].into_iter().zip(&mut self.shift_mm);
+        named.flat_map(|(key, values)| indexed(key, values, "mm", 0.05, 0.0, ANY)).collect()
     }
 }
 
@@ -232,8 +223,7 @@ mod tests {
     use approx::assert_abs_diff_eq;
     use nalgebra::Vector3;
 
-    const MAP: &str = r#"kind = "empirical"
-        domain_mm = [[-100, 100], [0, 10], [0, 10]]
+    const MAP: &str = r#"domain_mm = [[-100, 100], [0, 10], [0, 10]]
         degree = 2
         x_mm = [0, 0, 0, 0, 0, 0, 0.04, 0, 0, 0.08]
         y_mm = [0.01, 0, 0, 0, 0, 0, 0, 0, 0, 0]
@@ -242,7 +232,7 @@ mod tests {
     fn at(x: f64, y: f64) -> Vector3<f64> {
         let mut bench = Bench::default();
         bench.situation.wobj_from_tcp.translation.vector = Vector3::new(x, y, 5e-3);
-        bench.run(MAP).1.lag
+        bench.run("empirical", MAP).1.lag
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! at which it was tested, and fades to zero over the same distance again, so that the correction does not jump. With a single clamping
 //! the data cannot show whether an error belongs to the place in the base or to the place on the part; it acts where both are near.
 
-use super::{Effect, Offset, Parameter, Parts, Physics, Site};
+use super::{Effect, Number, Offset, Physics, Site};
 use deflex_lanes::{Mask, Real, Vector};
 use serde::{Deserialize, Serialize};
 
@@ -62,10 +62,6 @@ pub(crate) fn fade(off: f64) -> f64 {
 pub(super) const NOTHING: f64 = -40.0;
 
 impl Physics for EmpiricalField {
-    fn parts(&self) -> Parts {
-        Parts::LAG
-    }
-
     #[inline(always)]
     fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
         let place = site.base_from_wobj.point(site.wanted) * R::of(1e3);
@@ -93,13 +89,9 @@ impl Physics for EmpiricalField {
 }
 
 impl Effect for EmpiricalField {
-    /// No parameters to fit: neighbouring bells overlap, so that single heights mean nothing.
-    fn parameters(&self) -> Vec<Parameter> {
+    /// None to fit: neighbouring bells overlap, so that single heights mean nothing.
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         Vec::new()
-    }
-
-    fn with_values(&self, _: &[f64]) -> Box<dyn Effect> {
-        Box::new(self.clone())
     }
 }
 
@@ -109,8 +101,7 @@ mod tests {
     use approx::assert_abs_diff_eq;
     use nalgebra::Vector3;
 
-    const FIELD: &str = r#"kind = "empirical"
-        reach_mm = 20
+    const FIELD: &str = r#"reach_mm = 20
         within_mm = 20
         at_mm = [[100, 0, 0], [130, 0, 0]]
         shift_mm = [[0.1, 0, 0], [0, -0.04, 0]]"#;
@@ -121,7 +112,7 @@ mod tests {
             let mut bench = Bench::default();
             bench.situation.base_from_wobj.translation.vector = Vector3::new(wobj, 0.0, 0.0);
             bench.situation.wobj_from_tcp.translation.vector = Vector3::new(on_part, 0.0, 0.0);
-            bench.run(&format!("{FIELD}\non_part_mm = [[50, 0, 0], [80, 0, 0]]")).1.lag
+            bench.run("empirical", &format!("{FIELD}\non_part_mm = [[50, 0, 0], [80, 0, 0]]")).1.lag
         };
         // As seen, with a work object 30 mm off (halfway through the fade on the part), and 40 mm off (gone).
         let first = 1e-4 * (-0.125f64).exp();
@@ -136,7 +127,7 @@ mod tests {
             let mut bench = Bench::default();
             bench.situation.base_from_wobj.translation.vector = Vector3::new(0.05, 0.0, 0.0);
             bench.situation.wobj_from_tcp.translation.vector = Vector3::new(x - 0.05, 0.0, 0.0);
-            bench.run(FIELD).1.lag
+            bench.run("empirical", FIELD).1.lag
         };
         // Half a reach from the first place, one from the second.
         let (first, second) = (1e-4 * (-0.125f64).exp(), -4e-5 * (-0.5f64).exp());

@@ -1,6 +1,6 @@
 //! Periodic error of a gear: a few clean harmonics of the motor angle.
 
-use super::{ANY, Effect, Kind, Offset, Parameter, Physics, Site, checked, scalar};
+use super::{ANY, Effect, Kind, Number, Offset, Physics, Site, checked, scalar};
 use deflex_lanes::{Real, SinCos};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -13,6 +13,7 @@ pub(super) const KIND: Kind = Kind {
     ],
     shape: super::Shape::Periodic,
     locally_like: &[super::joint_error_curve::KIND.name],
+    follows_command: true,
     read,
     // There are too many combinations of joints and orders to list. A search builds the candidates with `gear_harmonic`.
     candidates: |_| vec![],
@@ -78,22 +79,13 @@ impl Physics for GearHarmonic {
 }
 
 impl Effect for GearHarmonic {
-    fn follows_command(&self) -> bool {
-        true
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // 10 to 60 arc seconds peak to peak.
-        let of = |(i, term): (usize, &Term)| {
-            [("cos_rad", term.cos_rad), ("sin_rad", term.sin_rad)]
+        let terms = self.terms.iter_mut().enumerate().flat_map(|(i, term)| {
+            [("cos_rad", &mut term.cos_rad), ("sin_rad", &mut term.sin_rad)]
                 .map(|(key, value)| scalar(&format!("terms[{i}].{key}"), value, "rad", 7e-5, 0.0, ANY))
-        };
-        self.terms.iter().enumerate().flat_map(of).collect()
-    }
-
-    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
-        let with = |(term, pair): (&Term, &[f64])| Term { cos_rad: pair[0], sin_rad: pair[1], ..*term };
-        Box::new(Self { terms: self.terms.iter().zip(values.chunks_exact(2)).map(with).collect() })
+        });
+        terms.collect()
     }
 }
 
@@ -106,10 +98,7 @@ mod tests {
     fn two_periods_a_turn_at_30_degrees() {
         let mut bench = Bench::default();
         bench.motor[0] = 30f64.to_radians();
-        let (_, out) = bench.run(
-            r#"kind = "gear_harmonic"
-            terms = [{ joint = 1, order = 2, cos_rad = 2e-4, sin_rad = 0 }, { joint = 1, order = 1, cos_rad = 0, sin_rad = -1e-4 }]"#,
-        );
+        let (_, out) = bench.run("gear_harmonic", "terms = [{ joint = 1, order = 2, cos_rad = 2e-4, sin_rad = 0 }, { joint = 1, order = 1, cos_rad = 0, sin_rad = -1e-4 }]");
         // 2e-4 cos 60° − 1e-4 sin 30°.
         assert_abs_diff_eq!(out.joints[0], 0.5e-4, epsilon = 1e-18);
     }

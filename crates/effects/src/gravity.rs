@@ -1,8 +1,8 @@
 //! Weight of links, tool and payload.
 
 use super::{
-    ANY, Covered, Deflection, Effect, Kind, Load, NOT_NEGATIVE, Parameter, Parts, Physics, State, Survey, checked,
-    indexed, per_axis, take,
+    ANY, Covered, Deflection, Effect, Kind, Load, NOT_NEGATIVE, Number, Parts, Physics, State, Survey, checked,
+    indexed, per_axis,
 };
 use deflex_lanes::{Real, Vector};
 use deflex_robot::Joints;
@@ -12,6 +12,9 @@ pub(super) const KIND: Kind = Kind {
     name: "gravity",
     summary: "weight of links, tool and payload bends the arm",
     forms: &["tool = true", "compliance_rad_per_nm = [0, 0, 0, 0, 0, 0]"],
+    parts: Parts::WEIGHTS,
+    covered_by: Some(Covered::Gravity),
+    weighs_payload: true,
     read: |table| checked(table.try_into::<Gravity>()?),
     candidates,
     ..Kind::PLAIN
@@ -49,10 +52,6 @@ pub(super) struct Gravity {
 }
 
 impl Physics for Gravity {
-    fn parts(&self) -> Parts {
-        Parts::WEIGHTS
-    }
-
     #[inline(always)]
     fn load<R: Real>(&self, state: &State<'_, R>, load: &mut Load<R>) {
         let g = state.site.gravity;
@@ -84,34 +83,17 @@ impl Physics for Gravity {
 }
 
 impl Effect for Gravity {
-    fn weighs_payload(&self) -> bool {
-        true
-    }
-
-    fn covered_by(&self) -> Option<Covered> {
-        Some(Covered::Gravity)
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
-        let mut all = per_axis("mass_kg", &self.mass_kg, "kg", 1.0, 0.0, ANY);
-        all.iter_mut().zip(TYPICAL_MASS).for_each(|(mass, typical)| mass.typical = typical);
-        for (i, (moment, typical)) in self.first_moment_kg_m.iter().zip(TYPICAL_MOMENT).enumerate() {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
+        let mut all = per_axis("mass_kg", &mut self.mass_kg, "kg", 1.0, 0.0, ANY);
+        all.iter_mut().zip(TYPICAL_MASS).for_each(|(mass, typical)| mass.parameter.typical = typical);
+        for (i, (moment, typical)) in self.first_moment_kg_m.iter_mut().zip(TYPICAL_MOMENT).enumerate() {
             all.extend(indexed(&format!("first_moment_kg_m[{i}]"), moment, "kg·m", typical, 0.0, ANY));
         }
-        if let Some(compliance) = &self.compliance_rad_per_nm {
+        if let Some(compliance) = &mut self.compliance_rad_per_nm {
             let key = "compliance_rad_per_nm";
             all.extend(per_axis(key, compliance, "rad/(N·m)", TYPICAL_COMPLIANCE, 0.0, NOT_NEGATIVE));
         }
         all
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self {
-            mass_kg: take(&mut values),
-            first_moment_kg_m: std::array::from_fn(|_| take(&mut values)),
-            tool: self.tool,
-            compliance_rad_per_nm: self.compliance_rad_per_nm.map(|_| take(&mut values)),
-        })
     }
 }
 
@@ -124,10 +106,7 @@ mod tests {
     #[test]
     fn a_flange_weight_lowers_the_forearm() {
         // 10 kg at 10 m/s² on the flange, 1.093 m in front of axis 3, on 1e6 N·m/rad; the upper arm stands upright.
-        let (load, out) = Bench::default().run(
-            r#"kind = "gravity"
-            mass_kg = [0, 0, 0, 0, 0, 10]"#,
-        );
+        let (load, out) = Bench::default().run("gravity", "mass_kg = [0, 0, 0, 0, 0, 10]");
         assert_abs_diff_eq!(load.torque[2], 109.3, epsilon = 1e-12);
         assert_abs_diff_eq!(load.torque[1], 0.0, epsilon = 1e-12);
         // The declared springs turn it into motion, not the weight itself.
@@ -140,10 +119,7 @@ mod tests {
         bench.situation.tool.mass = 7.0;
         bench.situation.payload = 3.0;
         bench.situation.tool.cog = Vector3::new(0.0, 0.0, 0.1);
-        let (load, _) = bench.run(
-            r#"kind = "gravity"
-            tool = true"#,
-        );
+        let (load, _) = bench.run("gravity", "tool = true");
         assert_abs_diff_eq!(load.torque[2], 100.0 * 1.193, epsilon = 1e-12);
     }
 }

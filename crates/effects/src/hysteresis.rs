@@ -1,8 +1,6 @@
 //! Friction in the gears: lost motion that is proportional to the torque of the joint.
 
-use super::{
-    Deflection, Effect, Kind, Load, Need, Parameter, Parts, Physics, Presliding, State, checked, per_axis, take,
-};
+use super::{Deflection, Effect, Kind, Load, Need, Number, Parts, Physics, Presliding, State, checked, per_axis};
 use deflex_lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +9,8 @@ pub(super) const KIND: Kind = Kind {
     summary: "gear friction: lost motion grows with torque",
     forms: &["fraction = [0, 0.1, 0, 0, 0, 0]", "fraction = [0, 0.1, 0, 0, 0, 0]\npresliding_rad = 1e-3"],
     bends_under_load: true,
+    parts: Parts::LOST,
+    needs: &[Need::Stiffness],
     read: |table| checked(table.try_into::<Hysteresis>()?),
     candidates: |survey| {
         if survey.stiffness_declared {
@@ -34,10 +34,6 @@ pub(super) struct Hysteresis {
 }
 
 impl Physics for Hysteresis {
-    fn parts(&self) -> Parts {
-        Parts::LOST
-    }
-
     #[inline(always)]
     fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
         if let Some(stiffness) = state.stiffness {
@@ -57,17 +53,9 @@ impl Effect for Hysteresis {
         Box::new(Self { presliding_rad, ..*self })
     }
 
-    fn needs(&self) -> &'static [Need] {
-        &[Need::Stiffness]
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // 5 to 20 % of the drives' deflection; friction that holds all of it would not move.
-        per_axis("fraction", &self.fraction, "1", 0.12, 0.0, (0.0, 1.0))
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { fraction: take(&mut values), ..*self })
+        per_axis("fraction", &mut self.fraction, "1", 0.12, 0.0, (0.0, 1.0))
     }
 }
 
@@ -80,10 +68,7 @@ mod tests {
     fn a_tenth_of_the_twist_is_lost_whichever_way_it_is_loaded() {
         // 100 N at 1.293 m in front of axis 3, on 1e6 N·m/rad.
         for force in [100.0, -100.0] {
-            let (_, out) = Bench::pushed(0.0, 0.0, force).run(
-                r#"kind = "hysteresis"
-                fraction = [0, 0, 0.1, 0, 0, 0]"#,
-            );
+            let (_, out) = Bench::pushed(0.0, 0.0, force).run("hysteresis", "fraction = [0, 0, 0.1, 0, 0, 0]");
             assert_abs_diff_eq!(out.lost[2], 1.293e-5, epsilon = 1e-16);
         }
     }

@@ -1,6 +1,6 @@
 //! A wrist whose gears couple its axes by a ratio that differs from the one that the controller compensates.
 
-use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, Survey, checked, scalar};
+use super::{ANY, Covered, Effect, Kind, Number, Offset, Physics, Site, Survey, checked, scalar};
 use deflex_lanes::Real;
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -9,6 +9,8 @@ pub(super) const KIND: Kind = Kind {
     name: "joint_coupling",
     summary: "a joint turns with another joint's motor",
     forms: &["terms = [{ joint = 5, on = 4, ratio = 0 }, { joint = 6, on = 5, ratio = 0 }]"],
+    covered_by: Some(Covered::Geometry),
+    follows_command: true,
     read,
     candidates,
     ..Kind::PLAIN
@@ -66,22 +68,9 @@ impl Physics for JointCoupling {
 }
 
 impl Effect for JointCoupling {
-    fn follows_command(&self) -> bool {
-        true
-    }
-
-    fn covered_by(&self) -> Option<Covered> {
-        Some(Covered::Geometry)
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
-        let of = |(i, term): (usize, &Term)| scalar(&format!("terms[{i}].ratio"), term.ratio, "1", ROUNDED, 0.0, ANY);
-        self.terms.iter().enumerate().map(of).collect()
-    }
-
-    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
-        let with = |(term, ratio): (&Term, &f64)| Term { ratio: *ratio, ..*term };
-        Box::new(Self { terms: self.terms.iter().zip(values).map(with).collect() })
+    fn numbers(&mut self) -> Vec<Number<'_>> {
+        let ratios = self.terms.iter_mut().map(|term| &mut term.ratio).enumerate();
+        ratios.map(|(i, ratio)| scalar(&format!("terms[{i}].ratio"), ratio, "1", ROUNDED, 0.0, ANY)).collect()
     }
 }
 
@@ -95,7 +84,8 @@ mod tests {
         let mut bench = Bench::default();
         (bench.motor[3], bench.motor[4]) = (0.5, -0.4);
         let (_, out) = bench.run(
-            "kind = 'joint_coupling'\nterms = [{ joint = 5, on = 4, ratio = 1e-3 }, { joint = 6, on = 5, ratio = 2e-3 }]",
+            "joint_coupling",
+            "terms = [{ joint = 5, on = 4, ratio = 1e-3 }, { joint = 6, on = 5, ratio = 2e-3 }]",
         );
         assert_abs_diff_eq!(out.joints[4], 5e-4, epsilon = 1e-18);
         assert_abs_diff_eq!(out.joints[5], -8e-4, epsilon = 1e-18);

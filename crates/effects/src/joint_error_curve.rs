@@ -4,7 +4,7 @@
 //! [`Effect::unseen`] says how large the error may be there.
 
 use super::spline::{Place, Spline};
-use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, Survey, checked, indexed};
+use super::{ANY, Covered, Effect, Kind, Number, Offset, Physics, Site, Survey, checked, indexed};
 use deflex_lanes::Real;
 use deflex_robot::Joints;
 use serde::de::Error;
@@ -18,6 +18,8 @@ pub(super) const KIND: Kind = Kind {
     ],
     part: super::Part::EachJoint,
     shape: super::Shape::Curve,
+    covered_by: Some(Covered::Geometry),
+    follows_command: true,
     read: |table| checked(JointErrorCurve::try_from(table.try_into::<Keys>()?).map_err(toml::de::Error::custom)?),
     candidates,
     ..Kind::PLAIN
@@ -161,14 +163,6 @@ impl Physics for JointErrorCurve {
 }
 
 impl Effect for JointErrorCurve {
-    fn follows_command(&self) -> bool {
-        true
-    }
-
-    fn covered_by(&self) -> Option<Covered> {
-        Some(Covered::Geometry)
-    }
-
     /// Beyond its end the error is assumed to be as large as within, and less and less correlated with the value at the end.
     fn unseen(&self, motor_commanded: &Joints) -> Joints {
         let mut sigma = Joints::zeros();
@@ -189,11 +183,11 @@ impl Effect for JointErrorCurve {
         Some(JointCurve { joint: *joint, knots_deg: knots.to_vec(), bends })
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
-        let of = |(i, (_, curve)): (usize, &(usize, Spline))| {
-            indexed(&format!("curves[{i}].error_rad"), curve.values(), "rad", 1.5e-4, 0.0, ANY)
-        };
-        self.curves.iter().enumerate().flat_map(of).collect()
+    fn numbers(&mut self) -> Vec<Number<'_>> {
+        let curves = self.curves.iter_mut().map(|(_, curve)| curve.values_mut()).enumerate();
+        curves
+            .flat_map(|(i, values)| indexed(&format!("curves[{i}].error_rad"), values, "rad", 1.5e-4, 0.0, ANY))
+            .collect()
     }
 
     fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
@@ -214,17 +208,16 @@ mod tests {
 
     #[test]
     fn halfway_between_knots_and_beyond_them() {
-        let curve = r#"kind = "joint_error_curve"
-            curves = [{ joint = 2, angle_deg = [-10, 0, 10], error_rad = [0, 1e-4, 3e-5] }]"#;
+        let curve = "curves = [{ joint = 2, angle_deg = [-10, 0, 10], error_rad = [0, 1e-4, 3e-5] }]";
         // M₁ = 6·(−7e-6 − 1e-5)/40 = −2.55e-6, so s(5°) = 6.5e-5 + (⅛ − ½)·M₁·100/6.
         let mut bench = Bench::default();
         bench.motor[1] = 5f64.to_radians();
-        assert_abs_diff_eq!(bench.run(curve).1.joints[1], 6.5e-5 + 1.593_75e-5, epsilon = 1e-18);
+        assert_abs_diff_eq!(bench.run("joint_error_curve", curve).1.joints[1], 6.5e-5 + 1.593_75e-5, epsilon = 1e-18);
         // Halfway out of the step beyond the last knot, and out of it.
         bench.motor[1] = 15f64.to_radians();
-        assert_abs_diff_eq!(bench.run(curve).1.joints[1], 1.5e-5, epsilon = 1e-18);
+        assert_abs_diff_eq!(bench.run("joint_error_curve", curve).1.joints[1], 1.5e-5, epsilon = 1e-18);
         bench.motor[1] = 40f64.to_radians();
-        assert_abs_diff_eq!(bench.run(curve).1.joints[1], 0.0);
+        assert_abs_diff_eq!(bench.run("joint_error_curve", curve).1.joints[1], 0.0);
     }
 
     #[test]
@@ -250,7 +243,9 @@ mod tests {
             curve.weights(angle, &mut weights);
             let mut bench = Bench::default();
             bench.motor[0] = f64::to_radians(angle);
-            let there = bench.run(&toml::to_string(&raised.to_table()).unwrap()).1.joints[0];
+            let mut table = raised.to_table();
+            table.remove("kind");
+            let there = bench.run("joint_error_curve", &table.to_string()).1.joints[0];
             let sum: f64 = weights.iter().zip(&values).map(|(w, v)| w * v).sum();
             assert_abs_diff_eq!(there, sum, epsilon = 1e-12);
             let held = curve

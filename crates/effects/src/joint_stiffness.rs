@@ -5,8 +5,7 @@
 //! rod by 1/cos, and this turns the crank by another 1/cos.
 
 use super::{
-    Deflection, Effect, FACTOR, Kind, Load, NOT_NEGATIVE, Need, Parameter, Physics, State, checked, per_axis, scalar,
-    take,
+    Deflection, Effect, FACTOR, Kind, Load, NOT_NEGATIVE, Need, Number, Physics, State, checked, per_axis, scalar,
 };
 use deflex_lanes::Real;
 use deflex_robot::{Axes, Joints};
@@ -73,18 +72,12 @@ impl Effect for JointStiffness {
         }
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // Declared values of real robots are wrong by 20 to 50 %. A factor of 0 would be no spring.
-        let mut all = per_axis("scale", &self.scale, "1", 0.3, 1.0, FACTOR);
+        let mut all = per_axis("scale", &mut self.scale, "1", 0.3, 1.0, FACTOR);
         // A rod is stiffer than a gear: it has a quarter of the compliance, more or less.
-        all.extend(self.rod_share.map(|share| scalar("rod_share", share, "1", 0.25, 0.0, NOT_NEGATIVE)));
+        all.extend(self.rod_share.as_mut().map(|share| scalar("rod_share", share, "1", 0.25, 0.0, NOT_NEGATIVE)));
         all
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        let scale = take(&mut values);
-        let [share] = take(&mut values);
-        Box::new(Self { scale, rod_share: self.rod_share.map(|_| share) })
     }
 }
 
@@ -96,9 +89,7 @@ mod tests {
     #[test]
     fn a_lever_of_the_reach_twists_the_first_axis() {
         // 100 N sideways at 1.593 m: 159.3 N·m, on a spring of half of 1e6 N·m/rad.
-        let scale = r#"kind = "joint_stiffness"
-            scale = [0.5, 1, 1, 1, 1, 1]"#;
-        let (_, out) = Bench::pushed(0.0, 100.0, 0.0).run(scale);
+        let (_, out) = Bench::pushed(0.0, 100.0, 0.0).run("joint_stiffness", "scale = [0.5, 1, 1, 1, 1, 1]");
         assert_abs_diff_eq!(out.joints[0], 3.186e-4, epsilon = 1e-15);
     }
 
@@ -107,9 +98,9 @@ mod tests {
         // 100 N upwards act 1.293 m in front of axis 3: −129.3 N·m on 1e6 N·m/rad. At a skew of 45°, 1/cos² is 2.
         let mut bench = Bench::pushed(0.0, 0.0, 100.0);
         bench.motor[2] = std::f64::consts::FRAC_PI_4;
-        let stiff = |share: f64| format!("kind = \"joint_stiffness\"\nscale = [1, 1, 1, 1, 1, 1]\nrod_share = {share}");
-        let (_, without) = bench.run(&stiff(0.0));
-        let (_, with) = bench.run(&stiff(0.2));
+        let stiff = |share: f64| format!("scale = [1, 1, 1, 1, 1, 1]\nrod_share = {share}");
+        let (_, without) = bench.run("joint_stiffness", &stiff(0.0));
+        let (_, with) = bench.run("joint_stiffness", &stiff(0.2));
         assert_abs_diff_eq!(with.joints[2], 1.2 * without.joints[2], epsilon = 1e-15);
         assert!(without.joints[2].abs() > 1e-5);
     }

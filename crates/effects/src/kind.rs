@@ -1,7 +1,7 @@
 //! The properties of a kind of effect that hold whatever its numbers are. Other modules decide by these properties, never by the name
 //! of a kind.
 
-use super::{Effect, Survey};
+use super::{Covered, Effect, Need, Parts, Survey};
 
 /// An entry of the registry.
 ///
@@ -27,6 +27,19 @@ pub struct Kind {
     pub part: Part,
     /// What its numbers can describe: a law, waves, a curve or a map.
     pub shape: Shape,
+    /// The fields of loads, offsets and deflections that it changes, except joint angles.
+    #[doc(hidden)]
+    pub parts: Parts,
+    /// What the cell must declare or the data must contain for it to act: see [`Effect::needs`].
+    pub needs: &'static [Need],
+    /// The entry of `[controller] compensates` with which the controller corrects it by itself; `None` if no entry does.
+    pub covered_by: Option<Covered>,
+    /// Whether its offsets depend on the commanded motor angles: see [`Effect::follows_command`].
+    pub follows_command: bool,
+    /// Whether it depends on the cutting forces at the targets before.
+    pub follows_load: bool,
+    /// Whether the weight of the tool or the payload acts on the arm by it.
+    pub weighs_payload: bool,
     /// Whether the effect turns loads into motion, so that it does nothing while no load acts on the arm.
     pub bends_under_load: bool,
     /// Whether its numbers multiply one another. Then derivatives at a fit do not predict the residual without the effect.
@@ -121,6 +134,12 @@ impl Kind {
         forms: &[],
         part: Part::Own,
         shape: Shape::Law,
+        parts: Parts::NONE,
+        needs: &[],
+        covered_by: None,
+        follows_command: false,
+        follows_load: false,
+        weighs_payload: false,
         bends_under_load: false,
         multiplies: false,
         nested_in: &[],

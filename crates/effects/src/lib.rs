@@ -54,11 +54,12 @@ pub use presliding::Presliding;
 pub(crate) use state::{CREEP_TIMES_S, unit_key};
 pub use state::{Cutting, CuttingTorque, ForceLaw, MOST_CLAMPS, PartAt, PartYield, Situation, ToolFrame, UnitAt};
 pub use survey::Survey;
+pub use table::Number;
 
 use deflex_lanes::Real;
 use deflex_robot::{Axes, Joints};
 use std::fmt::Debug;
-use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, per_axis, per_direction, scalar, table_of, take};
+use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, per_axis, per_direction, scalar, table_of};
 
 /// The part of [`Effect`] that the registry ([`KINDS`]) implements for every effect.
 ///
@@ -72,14 +73,22 @@ use table::{ANY, FACTOR, NOT_NEGATIVE, checked, indexed, per_axis, per_direction
 /// # Ok::<(), toml::de::Error>(())
 /// ```
 pub trait Listed {
+    /// The entry of the effect in the registry.
+    fn entry(&self) -> &'static Kind;
+
     /// The `kind` of the effect in the cell file.
-    fn kind(&self) -> &'static str;
+    fn kind(&self) -> &'static str {
+        self.entry().name
+    }
 
     /// The physics of the effect, as the solver of equilibria calls it.
     fn law(&self) -> Law<'_>;
 
     /// The `[[effect]]` table of the cell file, `kind` included.
     fn to_table(&self) -> toml::Table;
+
+    /// A copy.
+    fn clone_box(&self) -> Box<dyn Effect>;
 }
 
 /// One physical effect with its parameters.
@@ -101,12 +110,12 @@ pub trait Effect: Listed + Debug + Send + Sync {
     /// Whether its offsets depend on the **commanded** motor angles. Then the command that reaches a wanted pose has to be found by
     /// iteration.
     fn follows_command(&self) -> bool {
-        false
+        self.entry().follows_command
     }
 
     /// Whether it depends on the cutting forces at the targets before.
     fn follows_load(&self) -> bool {
-        false
+        self.entry().follows_load
     }
 
     /// Angles over which the friction of the effect builds up after each joint has reversed. `None` if the effect does
@@ -122,12 +131,12 @@ pub trait Effect: Listed + Debug + Send + Sync {
 
     /// Whether the weight of the tool or the payload acts on the arm by this effect.
     fn weighs_payload(&self) -> bool {
-        false
+        self.entry().weighs_payload
     }
 
     /// What the cell must declare or the data must contain for the effect to act.
     fn needs(&self) -> &'static [Need] {
-        &[]
+        self.entry().needs
     }
 
     /// The name of the mechanical unit whose error this is; `None` for effects of the arm, the tool or the part.
@@ -142,7 +151,7 @@ pub trait Effect: Listed + Debug + Send + Sync {
 
     /// The entry of `[controller] compensates` with which the controller corrects this effect itself; `None` if no entry does.
     fn covered_by(&self) -> Option<Covered> {
-        None
+        self.entry().covered_by
     }
 
     /// Standard deviation of each joint's remaining error where the effect was not measured, rad; zero where it was.
@@ -162,11 +171,21 @@ pub trait Effect: Listed + Debug + Send + Sync {
         None
     }
 
+    /// Every number that may be fitted, in a fixed order, with its place.
+    #[doc(hidden)]
+    fn numbers(&mut self) -> Vec<Number<'_>>;
+
     /// Every number that may be fitted, in a fixed order. Values are in the unit named, as in the cell file.
-    fn parameters(&self) -> Vec<Parameter>;
+    fn parameters(&self) -> Vec<Parameter> {
+        self.clone_box().numbers().into_iter().map(|number| number.parameter).collect()
+    }
 
     /// The same effect with other numbers, in the order of [`Effect::parameters`].
-    fn with_values(&self, values: &[f64]) -> Box<dyn Effect>;
+    fn with_values(&self, values: &[f64]) -> Box<dyn Effect> {
+        let mut other = self.clone_box();
+        other.numbers().into_iter().zip(values).for_each(|(number, value)| *number.place = *value);
+        other
+    }
 
     /// How many numbers have an uncertainty in `[effect.uncertainty]` of the cell file: those of [`Effect::parameters`],
     /// unless the effect has numbers that are not fitted one by one.
@@ -184,12 +203,6 @@ pub trait Effect: Listed + Debug + Send + Sync {
     /// The same effect with other numbers that act nearly alike. A fit by small steps can be stuck at one of them.
     fn lookalikes(&self) -> Vec<Box<dyn Effect>> {
         Vec::new()
-    }
-
-    /// A copy.
-    fn clone_box(&self) -> Box<dyn Effect> {
-        let values: Vec<f64> = self.parameters().iter().map(|parameter| parameter.value).collect();
-        self.with_values(&values)
     }
 }
 
@@ -375,7 +388,7 @@ pub(crate) fn declared_part() -> Box<dyn Effect> {
 /// assert!(!deflex_effects::add_implied_part(&mut effects));
 /// ```
 pub fn add_implied_part(effects: &mut Vec<Box<dyn Effect>>) -> bool {
-    let missing = !effects.iter().any(|effect| kind(effect.kind()).is_some_and(|kind| kind.implied_by_part));
+    let missing = !effects.iter().any(|effect| effect.entry().implied_by_part);
     if missing {
         effects.push(declared_part());
     }
@@ -392,8 +405,7 @@ pub fn add_implied_part(effects: &mut Vec<Box<dyn Effect>>) -> bool {
 /// assert!(!deflex_effects::add_implied(&mut effects, &robot.axes)); // they are there already
 /// ```
 pub fn add_implied(effects: &mut Vec<Box<dyn Effect>>, axes: &Axes) -> bool {
-    let implied = |name| kind(name).is_some_and(|kind| kind.implied_by_stiffness);
-    let missing = !effects.iter().any(|effect| implied(effect.kind()));
+    let missing = !effects.iter().any(|effect| effect.entry().implied_by_stiffness);
     if missing {
         effects.insert(0, declared_springs(axes));
     }

@@ -1,6 +1,6 @@
 //! Errors of the lengths, offsets and twists of the links (modified Denavit-Hartenberg rows).
 
-use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, per_axis, take};
+use super::{ANY, Covered, Effect, Kind, Number, Offset, Parts, Physics, Site, checked, per_axis};
 use deflex_lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -10,6 +10,8 @@ pub(super) const KIND: Kind = Kind {
     forms: &["d_a_mm = [0, 0, 0.1, 0, 0, 0]"],
     locally_like: &[super::joint_error_curve::KIND.name],
     stage: super::Stage::Links,
+    parts: Parts::ROWS,
+    covered_by: Some(Covered::Geometry),
     read: |table| checked(table.try_into::<LinkGeometry>()?),
     candidates: |_| vec![Box::new(LinkGeometry::default())],
     ..Kind::PLAIN
@@ -26,10 +28,6 @@ pub(super) struct LinkGeometry {
 }
 
 impl Physics for LinkGeometry {
-    fn parts(&self) -> Parts {
-        Parts::ROWS
-    }
-
     #[inline(always)]
     fn offset<R: Real>(&self, _: &Site<R>, out: &mut Offset<R>) {
         for (i, row) in out.rows.iter_mut().enumerate() {
@@ -42,26 +40,13 @@ impl Physics for LinkGeometry {
 }
 
 impl Effect for LinkGeometry {
-    fn covered_by(&self) -> Option<Covered> {
-        Some(Covered::Geometry)
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // 0.3 to 1 mm at the TCP of an uncalibrated arm.
-        let mut all = per_axis("d_alpha_rad", &self.d_alpha_rad, "rad", 2e-4, 0.0, ANY);
-        all.extend(per_axis("d_a_mm", &self.d_a_mm, "mm", 0.2, 0.0, ANY));
-        all.extend(per_axis("d_d_mm", &self.d_d_mm, "mm", 0.2, 0.0, ANY));
-        all.extend(per_axis("d_theta_rad", &self.d_theta_rad, "rad", 2e-4, 0.0, ANY));
+        let mut all = per_axis("d_alpha_rad", &mut self.d_alpha_rad, "rad", 2e-4, 0.0, ANY);
+        all.extend(per_axis("d_a_mm", &mut self.d_a_mm, "mm", 0.2, 0.0, ANY));
+        all.extend(per_axis("d_d_mm", &mut self.d_d_mm, "mm", 0.2, 0.0, ANY));
+        all.extend(per_axis("d_theta_rad", &mut self.d_theta_rad, "rad", 2e-4, 0.0, ANY));
         all
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self {
-            d_alpha_rad: take(&mut values),
-            d_a_mm: take(&mut values),
-            d_d_mm: take(&mut values),
-            d_theta_rad: take(&mut values),
-        })
     }
 }
 
@@ -72,11 +57,8 @@ mod tests {
 
     #[test]
     fn rows_differ_in_metres() {
-        let (_, out) = Bench::default().run(
-            r#"kind = "link_geometry"
-            d_a_mm = [0, 0, 0.5, 0, 0, 0]
-            d_theta_rad = [0, 0, 0, 0, 0, 1e-3]"#,
-        );
+        let (_, out) =
+            Bench::default().run("link_geometry", "d_a_mm = [0, 0, 0.5, 0, 0, 0]\nd_theta_rad = [0, 0, 0, 0, 0, 1e-3]");
         assert_abs_diff_eq!(out.rows[2].a, 5e-4, epsilon = 1e-18);
         assert_abs_diff_eq!(out.rows[5].theta, 1e-3);
     }

@@ -1,7 +1,7 @@
 //! The clamped part yields where it is cut. Its stiffness follows from its shape, its material and its clamps (`[part.material]`,
 //! `[[part.clamp]]`).
 
-use super::{Deflection, Effect, FACTOR, Kind, Load, Need, Parameter, Parts, Physics, State, checked, scalar, take};
+use super::{Deflection, Effect, FACTOR, Kind, Load, Need, Number, Parts, Physics, State, checked, scalar};
 use deflex_lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -11,6 +11,8 @@ pub(super) const KIND: Kind = Kind {
     forms: &["scale = 1"],
     bends_under_load: true,
     implied_by_part: true,
+    parts: Parts::PART,
+    needs: &[Need::Force],
     read: |table| checked(table.try_into::<PartStiffness>()?),
     candidates: |survey| if survey.part_declared && survey.has_force { vec![super::declared_part()] } else { vec![] },
     ..Kind::PLAIN
@@ -34,10 +36,6 @@ impl PartStiffness {
 }
 
 impl Physics for PartStiffness {
-    fn parts(&self) -> Parts {
-        Parts::PART
-    }
-
     #[inline(always)]
     fn load<R: Real>(&self, _: &State<'_, R>, load: &mut Load<R>) {
         load.part_stiffness = load.part_stiffness * self.scale;
@@ -55,18 +53,9 @@ impl Physics for PartStiffness {
 }
 
 impl Effect for PartStiffness {
-    fn needs(&self) -> &'static [Need] {
-        &[Need::Force]
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // A modulus is known to 5 %; the stiffness of a clamping is known far less.
-        vec![scalar("scale", self.scale, "1", 0.2, 1.0, FACTOR)]
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        let [scale] = take(&mut values);
-        Box::new(Self { scale })
+        vec![scalar("scale", &mut self.scale, "1", 0.2, 1.0, FACTOR)]
     }
 }
 
@@ -87,19 +76,13 @@ mod tests {
         let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
         bench.situation.base_from_wobj = Pose::from_parts(Translation3::identity(), turned);
         bench.part = Some(PartYield::held_as_declared(Matrix3::new(4e-6, 1e-6, 0.0, 1e-6, 2e-6, 0.0, 0.0, 0.0, 3e-6)));
-        let (_, out) = bench.run(
-            r#"kind = "part_stiffness"
-            scale = 0.5"#,
-        );
+        let (_, out) = bench.run("part_stiffness", "scale = 0.5");
         assert_abs_diff_eq!(out.part, 2.0 * Vector3::new(-2e-4, 1e-4, 0.0), epsilon = 1e-18);
     }
 
     #[test]
     fn without_a_declared_part_nothing_yields() {
-        let (_, out) = Bench::pushed(100.0, 0.0, 0.0).run(
-            r#"kind = "part_stiffness"
-            scale = 1.0"#,
-        );
+        let (_, out) = Bench::pushed(100.0, 0.0, 0.0).run("part_stiffness", "scale = 1.0");
         assert_eq!(out.part, Vector3::zeros());
     }
 }

@@ -1,6 +1,6 @@
 //! The physics of an effect, written once for a single target and for several at a time (lanes).
 
-use super::{CREEP_TIMES_S, CuttingTorque, MOST_CLAMPS, PartAt, UnitAt};
+use super::{CREEP_TIMES_S, CuttingTorque, Listed, MOST_CLAMPS, PartAt, UnitAt};
 use deflex_lanes::{Frame, Real, Vector, six};
 use deflex_robot::kinematics::{Chain, Six};
 use deflex_robot::{EXTERNAL_AXES, Joints, Robot};
@@ -11,10 +11,10 @@ use nalgebra::{Matrix3, Vector3};
 ///
 /// All methods are pure: the same state gives the same answer, so that targets can be solved in any order. Every method adds to the
 /// values of the effects before it.
-pub(crate) trait Physics {
+pub(crate) trait Physics: Listed {
     /// The fields of [`Load`], [`Offset`] and [`Deflection`] that the effect changes, except joint angles.
     fn parts(&self) -> Parts {
-        Parts::NONE
+        self.entry().parts
     }
 
     /// Adds to the loads. Called before [`Physics::deflect`] of any effect, in the order of the cell file.
@@ -504,8 +504,8 @@ macro_rules! registry {
 
         $($(
             impl Listed for $kind::$effect {
-                fn kind(&self) -> &'static str {
-                    $kind::KIND.name
+                fn entry(&self) -> &'static Kind {
+                    &$kind::KIND
                 }
 
                 fn law(&self) -> Law<'_> {
@@ -514,6 +514,10 @@ macro_rules! registry {
 
                 fn to_table(&self) -> toml::Table {
                     table_of($kind::KIND.name, self)
+                }
+
+                fn clone_box(&self) -> Box<dyn Effect> {
+                    Box::new(self.clone())
                 }
             }
         )+)*

@@ -40,6 +40,11 @@ impl Spline {
         &self.values
     }
 
+    /// The values in place. A spline through other values has to be made anew.
+    pub(super) fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
     /// Share of the nearest knot's value that remains beyond the first or the last knot; 1 between them.
     pub(super) fn held(&self, x: f64) -> f64 {
         Place::of(&self.knots, x).values.iter().sum()

@@ -201,8 +201,11 @@ pub(crate) const CREEP_TIMES_S: [f64; 3] = [5.0, 25.0, 125.0];
 /// # Examples
 /// ```
 /// use deflex_effects::CuttingTorque;
+/// use deflex_robot::Joints;
 ///
-/// assert_eq!(CuttingTorque::default().twist_rad.norm(), 0.0); // no force has acted
+/// // After a long time, the gears have followed the torque.
+/// let torque = CuttingTorque::default().after(&Joints::repeat(100.0), Joints::zeros(), 1e6);
+/// assert!((torque.delayed_nm[2][0] - 100.0).abs() < 1e-9); // N·m
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CuttingTorque {
@@ -214,16 +217,6 @@ pub struct CuttingTorque {
 
 impl CuttingTorque {
     /// The same after a torque (N·m) has acted for some seconds and has twisted the gears by an angle, rad.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_effects::CuttingTorque;
-    /// use deflex_robot::Joints;
-    ///
-    /// // After a long time, the gears have followed the torque.
-    /// let torque = CuttingTorque::default().after(&Joints::repeat(100.0), Joints::zeros(), 1e6);
-    /// assert!((torque.delayed_nm[2][0] - 100.0).abs() < 1e-9); // N·m
-    /// ```
     #[must_use]
     pub fn after(&self, torque_nm: &Joints, twist_rad: Joints, seconds: f64) -> Self {
         let one = |n: usize| torque_nm + (self.delayed_nm[n] - torque_nm) * (-seconds / CREEP_TIMES_S[n]).exp();

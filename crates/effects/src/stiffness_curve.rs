@@ -5,8 +5,7 @@
 //! The declared spring stays in the cell; this effect adds the difference between the curve and that straight line.
 
 use super::{
-    Deflection, Effect, FACTOR, Kind, Load, NOT_NEGATIVE, Need, Parameter, Physics, State, Survey, checked, per_axis,
-    take,
+    Deflection, Effect, FACTOR, Kind, Load, NOT_NEGATIVE, Need, Number, Physics, State, Survey, checked, per_axis,
 };
 use deflex_lanes::{Mask, Real};
 use serde::{Deserialize, Serialize};
@@ -21,6 +20,7 @@ pub(super) const KIND: Kind = Kind {
     part: super::Part::JointSpring,
     bends_under_load: true,
     multiplies: true,
+    needs: &[Need::Stiffness],
     read: |table| checked(table.try_into::<StiffnessCurve>()?),
     candidates,
     ..Kind::PLAIN
@@ -116,11 +116,7 @@ impl Physics for StiffnessCurve {
 }
 
 impl Effect for StiffnessCurve {
-    fn needs(&self) -> &'static [Need] {
-        &[Need::Stiffness]
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         match self {
             // Gears are about twice as soft below some 3 % of their rated torque. That the flanks of their teeth differ by a tenth is an
             // assumption, for which we have no source.
@@ -133,15 +129,6 @@ impl Effect for StiffnessCurve {
             // A quarter stiffer at a deflection of 4e-4 rad. Negative values are excluded: a softening cubic has a largest torque.
             Cubic { c_per_rad2 } => per_axis("c_per_rad2", c_per_rad2, "1/rad²", 1.5e6, 0.0, NOT_NEGATIVE),
         }
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(match self {
-            TwoSlope { .. } => {
-                TwoSlope { width_rad: take(&mut values), ratio: take(&mut values), asymmetry: take(&mut values) }
-            }
-            Cubic { .. } => Cubic { c_per_rad2: take(&mut values) },
-        })
     }
 
     /// Beyond the kink only `width · (1 − ratio)` has an effect: the same spring with other widths and this product, joint by joint.
@@ -176,10 +163,10 @@ mod tests {
     #[test]
     fn a_spring_can_be_softer_one_way() {
         // 100 N sideways at 1.593 m on 1e6 N·m/rad: 1.593e-4 rad, of which a tenth is added one way and taken off the other way.
-        let softer = "kind = \"stiffness_curve\"\nform = \"two_slope\"\nwidth_rad = [0, 0, 0, 0, 0, 0]\nratio = [1, 1, 1, 1, 1, 1]\n\
+        let softer = "form = 'two_slope'\nwidth_rad = [0, 0, 0, 0, 0, 0]\nratio = [1, 1, 1, 1, 1, 1]\n\
                       asymmetry = [0.1, 0, 0, 0, 0, 0]";
         for force in [100.0, -100.0] {
-            let (_, out) = Bench::pushed(0.0, force, 0.0).run(softer);
+            let (_, out) = Bench::pushed(0.0, force, 0.0).run("stiffness_curve", softer);
             assert_abs_diff_eq!(out.joints[0], 0.1 * 1.593e-4, epsilon = 1e-15);
         }
     }

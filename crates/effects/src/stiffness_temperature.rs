@@ -1,6 +1,6 @@
 //! Joint stiffness that falls as the gears warm up.
 
-use super::{Deflection, Effect, Kind, Load, Need, Parameter, Physics, State, Survey, checked, per_axis, take};
+use super::{Deflection, Effect, Kind, Load, Need, Number, Physics, State, Survey, checked, per_axis};
 use deflex_lanes::{Mask, Real};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -10,6 +10,7 @@ pub(super) const KIND: Kind = Kind {
     summary: "joint stiffness falls with temperature",
     forms: &["per_k = [2e-3, 0, 1e-3, 0, 0, 0]\nreference_c = 20"],
     bends_under_load: true,
+    needs: &[Need::Stiffness, Need::Temperature],
     read,
     candidates,
     ..Kind::PLAIN
@@ -66,17 +67,9 @@ impl Physics for StiffnessTemperature {
 }
 
 impl Effect for StiffnessTemperature {
-    fn needs(&self) -> &'static [Need] {
-        &[Need::Stiffness, Need::Temperature]
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // Grease and preload: some per cent over 20 K.
-        per_axis("per_k", &self.per_k, "1/K", 3e-3, 0.0, (0.0, MOST_PER_K))
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { per_k: take(&mut values), reference_c: self.reference_c })
+        per_axis("per_k", &mut self.per_k, "1/K", 3e-3, 0.0, (0.0, MOST_PER_K))
     }
 }
 
@@ -85,23 +78,23 @@ mod tests {
     use crate::bench::Bench;
     use approx::assert_abs_diff_eq;
 
-    const WARM: &str = "kind = 'stiffness_temperature'\nper_k = [0.01, 0, 0, 0, 0, 0]\nreference_c = 20";
+    const WARM: &str = "per_k = [0.01, 0, 0, 0, 0, 0]\nreference_c = 20";
 
     #[test]
     fn a_fifth_softer_after_twenty_kelvin() {
         // 159.3 N·m on 0.8e6 instead of 1e6 N·m/rad: a quarter of 1.593e-4 rad more.
         let mut bench = Bench::pushed(0.0, 100.0, 0.0);
         bench.situation.temperature = Some(40.0);
-        assert_abs_diff_eq!(bench.run(WARM).1.joints[0], 0.25 * 1.593e-4, epsilon = 1e-16);
+        assert_abs_diff_eq!(bench.run("stiffness_temperature", WARM).1.joints[0], 0.25 * 1.593e-4, epsilon = 1e-16);
         // Not measured: as declared.
         bench.situation.temperature = None;
-        assert_abs_diff_eq!(bench.run(WARM).1.joints[0], 0.0);
+        assert_abs_diff_eq!(bench.run("stiffness_temperature", WARM).1.joints[0], 0.0);
     }
 
     #[test]
     fn a_spring_that_is_gone_gives_no_answer() {
         let mut bench = Bench::pushed(0.0, 100.0, 0.0);
         bench.situation.temperature = Some(130.0);
-        assert!(bench.run(WARM).1.joints[0].is_nan());
+        assert!(bench.run("stiffness_temperature", WARM).1.joints[0].is_nan());
     }
 }

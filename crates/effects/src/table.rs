@@ -48,64 +48,66 @@ pub(super) fn table_of(kind: &str, keys: &impl serde::Serialize) -> toml::Table 
     table
 }
 
-/// A parameter that is a single number.
-pub(super) fn scalar(
-    name: &str,
-    value: f64,
-    unit: &'static str,
-    typical: f64,
-    neutral: f64,
-    bounds: (f64, f64),
-) -> Parameter {
-    Parameter { name: name.to_owned(), owner: ParameterOwner::Effect, value, unit, typical, neutral, bounds }
+/// A number of an effect, with its place in the effect.
+#[derive(Debug)]
+#[doc(hidden)]
+pub struct Number<'a> {
+    pub(super) parameter: Parameter,
+    pub(super) place: &'a mut f64,
 }
 
-/// Parameters `name[0]`, `name[1]`, … of a list whose index counts neither axes nor directions.
-pub(super) fn indexed(
+/// A single number.
+pub(super) fn scalar<'a>(
     name: &str,
-    values: &[f64],
+    place: &'a mut f64,
     unit: &'static str,
     typical: f64,
     neutral: f64,
     bounds: (f64, f64),
-) -> Vec<Parameter> {
-    let one = |(i, &value)| scalar(&format!("{name}[{i}]"), value, unit, typical, neutral, bounds);
-    values.iter().enumerate().map(one).collect()
+) -> Number<'a> {
+    let (name, owner, value) = (name.to_owned(), ParameterOwner::Effect, *place);
+    Number { parameter: Parameter { name, owner, value, unit, typical, neutral, bounds }, place }
 }
 
-/// Parameters `name[0]` … `name[5]` of a list with one number for each axis of the arm.
-pub(super) fn per_axis(
+/// The numbers `name[0]`, `name[1]`, … of a list whose index counts neither axes nor directions.
+pub(super) fn indexed<'a>(
     name: &str,
-    values: &[f64; 6],
+    values: &'a mut [f64],
     unit: &'static str,
     typical: f64,
     neutral: f64,
     bounds: (f64, f64),
-) -> Vec<Parameter> {
+) -> Vec<Number<'a>> {
+    let named = values.iter_mut().enumerate().map(|(i, value)| (format!("{name}[{i}]"), value));
+    named.map(|(name, value)| scalar(&name, value, unit, typical, neutral, bounds)).collect()
+}
+
+/// The numbers `name[0]` … `name[5]` of a list with one number for each axis of the arm.
+pub(super) fn per_axis<'a>(
+    name: &str,
+    values: &'a mut [f64; 6],
+    unit: &'static str,
+    typical: f64,
+    neutral: f64,
+    bounds: (f64, f64),
+) -> Vec<Number<'a>> {
     owned_by(indexed(name, values, unit, typical, neutral, bounds), (1..).map(ParameterOwner::Axis))
 }
 
-/// Parameters `name[0]` … `name[2]` of a vector: along, or about, x, y and z of a frame.
-pub(super) fn per_direction(
+/// The numbers `name[0]` … `name[2]` of a vector: along, or about, x, y and z of a frame.
+pub(super) fn per_direction<'a>(
     name: &str,
-    values: &[f64; 3],
+    values: &'a mut [f64; 3],
     unit: &'static str,
     typical: f64,
     neutral: f64,
     bounds: (f64, f64),
-) -> Vec<Parameter> {
+) -> Vec<Number<'a>> {
     owned_by(indexed(name, values, unit, typical, neutral, bounds), "xyz".chars().map(ParameterOwner::Direction))
 }
 
-/// The same parameters, each with what it belongs to.
-fn owned_by(mut all: Vec<Parameter>, owners: impl Iterator<Item = ParameterOwner>) -> Vec<Parameter> {
-    all.iter_mut().zip(owners).for_each(|(parameter, owner)| parameter.owner = owner);
+/// The same numbers, each with what it belongs to.
+fn owned_by<'a>(mut all: Vec<Number<'a>>, owners: impl Iterator<Item = ParameterOwner>) -> Vec<Number<'a>> {
+    all.iter_mut().zip(owners).for_each(|(number, owner)| number.parameter.owner = owner);
     all
-}
-
-/// Removes the first `N` of the values given to [`Effect::with_values`] and returns them, padded with 0 if there are fewer.
-pub(super) fn take<const N: usize>(values: &mut &[f64]) -> [f64; N] {
-    let (head, rest) = values.split_at(N.min(values.len()));
-    *values = rest;
-    std::array::from_fn(|i| head.get(i).copied().unwrap_or_default())
 }

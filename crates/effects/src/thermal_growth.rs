@@ -5,7 +5,7 @@
 //! `1 − (τ exp(−t/τ) − δ exp(−t/δ)) / (τ − δ)`, or `1 − exp(−t/τ)` if δ is zero. The spindle warms by its own losses, with a time
 //! constant of its own.
 
-use super::{ANY, Effect, Kind, Need, Offset, Parameter, Parts, Physics, Site, Survey, checked, scalar, take};
+use super::{ANY, Effect, Kind, Need, Number, Offset, Parts, Physics, Site, Survey, checked, scalar};
 use deflex_lanes::{Mask, Real};
 use serde::de::Error;
 use serde::{Deserialize, Serialize};
@@ -22,6 +22,7 @@ pub(super) const KIND: Kind = Kind {
         "column_mm", "upper_arm_mm", "forearm_mm", "tool_mm", "column_mm_per_k", "upper_arm_mm_per_k",
         "forearm_mm_per_k", "tool_mm_per_k",
     ],
+    parts: Parts::ROWS.and(Parts::TCP),
     read: |table| checked(ThermalGrowth::try_from(table.try_into::<Keys>()?).map_err(toml::de::Error::custom)?),
     candidates,
     ..Kind::PLAIN
@@ -182,10 +183,6 @@ fn candidates(survey: &Survey) -> Vec<Box<dyn Effect>> {
 }
 
 impl Physics for ThermalGrowth {
-    fn parts(&self) -> Parts {
-        Parts::ROWS.and(Parts::TCP)
-    }
-
     #[inline(always)]
     fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
         let [links, spindle] = match self.by {
@@ -216,19 +213,19 @@ impl Effect for ThermalGrowth {
         }
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
-        let [column, upper_arm, forearm, tool] = self.growth;
-        match self.by {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
+        let [column, upper_arm, forearm, tool] = &mut self.growth;
+        match &mut self.by {
             // 1.9 m of steel and aluminium by 10 K: 0.2 mm and more; time constants of 10 minutes to 2 hours. Gears warm within
             // minutes. Spindles grow by 10 to 60 µm, also within minutes.
             By::Time(constants) => vec![
-                scalar("tau_s", constants.arm, "s", 1000.0, TYPICAL_TAU, (1.0, 1e6)),
-                scalar("delay_s", constants.delay, "s", 300.0, 0.0, (0.0, 1e6)),
+                scalar("tau_s", &mut constants.arm, "s", 1000.0, TYPICAL_TAU, (1.0, 1e6)),
+                scalar("delay_s", &mut constants.delay, "s", 300.0, 0.0, (0.0, 1e6)),
                 scalar("column_mm", column, "mm", 0.15, 0.0, ANY),
                 scalar("upper_arm_mm", upper_arm, "mm", 0.15, 0.0, ANY),
                 scalar("forearm_mm", forearm, "mm", 0.15, 0.0, ANY),
                 scalar("tool_mm", tool, "mm", 0.04, 0.0, ANY),
-                scalar("tool_tau_s", constants.tool, "s", 150.0, TYPICAL_TOOL_TAU, (1.0, 1e6)),
+                scalar("tool_tau_s", &mut constants.tool, "s", 150.0, TYPICAL_TOOL_TAU, (1.0, 1e6)),
             ],
             By::Temperature { .. } => vec![
                 scalar("column_mm_per_k", column, "mm/K", 0.015, 0.0, ANY),
@@ -237,18 +234,6 @@ impl Effect for ThermalGrowth {
                 scalar("tool_mm_per_k", tool, "mm/K", 0.004, 0.0, ANY),
             ],
         }
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(match self.by {
-            By::Time(_) => {
-                let [arm, delay] = take(&mut values);
-                let growth = take(&mut values);
-                let [tool] = take(&mut values);
-                Self { growth, by: By::Time(TimeConstants { arm, delay, tool }) }
-            }
-            by @ By::Temperature { .. } => Self { growth: take(&mut values), by },
-        })
     }
 }
 
@@ -262,13 +247,8 @@ mod tests {
     fn half_warm_after_ln_2_time_constants() {
         let mut bench = Bench::default();
         bench.situation.time = 500.0 * std::f64::consts::LN_2;
-        let (_, out) = bench.run(
-            r#"kind = "thermal_growth"
-            tau_s = 500
-            column_mm = 0.02
-            upper_arm_mm = 0.13
-            forearm_mm = 0.1"#,
-        );
+        let (_, out) =
+            bench.run("thermal_growth", "tau_s = 500\ncolumn_mm = 0.02\nupper_arm_mm = 0.13\nforearm_mm = 0.1");
         assert_abs_diff_eq!(out.rows[0].d, 1e-5, epsilon = 1e-18);
         assert_abs_diff_eq!(out.rows[2].a, 6.5e-5, epsilon = 1e-18);
         assert_abs_diff_eq!(out.rows[3].d, 5e-5, epsilon = 1e-18);
@@ -293,12 +273,7 @@ mod tests {
     fn the_tool_grows_along_its_axis() {
         let mut bench = Bench::default();
         bench.situation.time = 100.0 * std::f64::consts::LN_2;
-        let (_, out) = bench.run(
-            r#"kind = "thermal_growth"
-            tau_s = 500
-            tool_mm = 0.04
-            tool_tau_s = 100"#,
-        );
+        let (_, out) = bench.run("thermal_growth", "tau_s = 500\ntool_mm = 0.04\ntool_tau_s = 100");
         assert_abs_diff_eq!(out.tcp.shift.z, 2e-5, epsilon = 1e-18);
         assert_abs_diff_eq!(out.rows[0].d, 0.0);
     }
@@ -307,11 +282,7 @@ mod tests {
     fn five_kelvin_over_the_reference() {
         let mut bench = Bench::default();
         bench.situation.temperature = Some(25.0);
-        let (_, out) = bench.run(
-            r#"kind = "thermal_growth"
-            reference_c = 20
-            forearm_mm_per_k = 0.01"#,
-        );
+        let (_, out) = bench.run("thermal_growth", "reference_c = 20\nforearm_mm_per_k = 0.01");
         assert_abs_diff_eq!(out.rows[3].d, 5e-5, epsilon = 1e-18);
     }
 }

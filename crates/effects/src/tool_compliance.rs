@@ -4,8 +4,7 @@
 //! was measured with the tool mounted.
 
 use super::{
-    Deflection, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, indexed, scalar,
-    take,
+    Deflection, Effect, Kind, Load, NOT_NEGATIVE, Need, Number, Parts, Physics, State, checked, indexed, scalar,
 };
 use deflex_lanes::Real;
 use serde::{Deserialize, Serialize};
@@ -15,6 +14,8 @@ pub(super) const KIND: Kind = Kind {
     summary: "tool, holder and spindle yield",
     forms: &["radial_mm_per_n = 1e-4"],
     bends_under_load: true,
+    parts: Parts::FLANGE.and(Parts::TIP),
+    needs: &[Need::Force],
     read: |table| checked(table.try_into::<ToolCompliance>()?),
     candidates: |survey| if survey.has_force { vec![Box::new(ToolCompliance::default())] } else { vec![] },
     ..Kind::PLAIN
@@ -33,10 +34,6 @@ pub(super) struct ToolCompliance {
 }
 
 impl Physics for ToolCompliance {
-    fn parts(&self) -> Parts {
-        Parts::FLANGE.and(Parts::TIP)
-    }
-
     #[inline(always)]
     fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
         let flange = &state.chain.links[5];
@@ -49,22 +46,12 @@ impl Physics for ToolCompliance {
 }
 
 impl Effect for ToolCompliance {
-    fn needs(&self) -> &'static [Need] {
-        &[Need::Force]
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // A 25 mm steel bar 100 mm long in a spindle: 5 to 40 µm under some 200 N.
-        let mut all = indexed("rad_per_nm", &self.rad_per_nm, "rad/(N·m)", 1e-6, 0.0, NOT_NEGATIVE);
-        all.push(scalar("axial_mm_per_n", self.axial_mm_per_n, "mm/N", 5e-5, 0.0, NOT_NEGATIVE));
-        all.push(scalar("radial_mm_per_n", self.radial_mm_per_n, "mm/N", 2e-4, 0.0, NOT_NEGATIVE));
+        let mut all = indexed("rad_per_nm", &mut self.rad_per_nm, "rad/(N·m)", 1e-6, 0.0, NOT_NEGATIVE);
+        all.push(scalar("axial_mm_per_n", &mut self.axial_mm_per_n, "mm/N", 5e-5, 0.0, NOT_NEGATIVE));
+        all.push(scalar("radial_mm_per_n", &mut self.radial_mm_per_n, "mm/N", 2e-4, 0.0, NOT_NEGATIVE));
         all
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        let rad_per_nm = take(&mut values);
-        let [axial_mm_per_n, radial_mm_per_n] = take(&mut values);
-        Box::new(Self { rad_per_nm, axial_mm_per_n, radial_mm_per_n })
     }
 }
 
@@ -78,12 +65,8 @@ mod tests {
     fn along_and_across_the_tool() {
         // The tool points along base x: 50 N push it in, 30 N sideways bend it, and turn the flange by 6 N·m about its
         // −x (which points up).
-        let (_, out) = Bench::pushed(50.0, 30.0, 0.0).run(
-            r#"kind = "tool_compliance"
-            rad_per_nm = [1e-6, 1e-6]
-            axial_mm_per_n = 1e-4
-            radial_mm_per_n = 3e-4"#,
-        );
+        let (_, out) = Bench::pushed(50.0, 30.0, 0.0)
+            .run("tool_compliance", "rad_per_nm = [1e-6, 1e-6]\naxial_mm_per_n = 1e-4\nradial_mm_per_n = 3e-4");
         assert_abs_diff_eq!(out.tcp.shift, Vector3::new(0.0, 9e-6, 5e-6), epsilon = 1e-18);
         assert_abs_diff_eq!(out.flange.turn, Vector3::new(-6e-6, 0.0, 0.0), epsilon = 1e-18);
     }

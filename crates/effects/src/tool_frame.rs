@@ -1,6 +1,6 @@
 //! A TCP that was taught or measured wrongly.
 
-use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, per_direction, take};
+use super::{ANY, Effect, Kind, Number, Offset, Parts, Physics, Site, checked, per_direction};
 use deflex_lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -9,6 +9,7 @@ pub(super) const KIND: Kind = Kind {
     summary: "the TCP is not where tooldata says",
     forms: &["d_mm = [0.1, 0, 0]"],
     stage: super::Stage::ToolFrame,
+    parts: Parts::TCP,
     read: |table| checked(table.try_into::<ToolFrameError>()?),
     candidates: |_| vec![Box::new(ToolFrameError::default())],
     ..Kind::PLAIN
@@ -24,10 +25,6 @@ pub(super) struct ToolFrameError {
 }
 
 impl Physics for ToolFrameError {
-    fn parts(&self) -> Parts {
-        Parts::TCP
-    }
-
     #[inline(always)]
     fn offset<R: Real>(&self, _: &Site<R>, out: &mut Offset<R>) {
         out.tcp.add_mm(self.d_mm, self.d_rad);
@@ -35,14 +32,10 @@ impl Physics for ToolFrameError {
 }
 
 impl Effect for ToolFrameError {
-    fn parameters(&self) -> Vec<Parameter> {
-        let mut all = per_direction("d_mm", &self.d_mm, "mm", 0.2, 0.0, ANY);
-        all.extend(per_direction("d_rad", &self.d_rad, "rad", 5e-4, 0.0, ANY));
+    fn numbers(&mut self) -> Vec<Number<'_>> {
+        let mut all = per_direction("d_mm", &mut self.d_mm, "mm", 0.2, 0.0, ANY);
+        all.extend(per_direction("d_rad", &mut self.d_rad, "rad", 5e-4, 0.0, ANY));
         all
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { d_mm: take(&mut values), d_rad: take(&mut values) })
     }
 }
 
@@ -53,11 +46,7 @@ mod tests {
 
     #[test]
     fn millimetres_and_radians() {
-        let (_, out) = Bench::default().run(
-            r#"kind = "tool_frame"
-            d_mm = [0.1, 0, -0.3]
-            d_rad = [0, 2e-3, 0]"#,
-        );
+        let (_, out) = Bench::default().run("tool_frame", "d_mm = [0.1, 0, -0.3]\nd_rad = [0, 2e-3, 0]");
         assert_abs_diff_eq!(out.tcp.shift, nalgebra::Vector3::new(1e-4, 0.0, -3e-4), epsilon = 1e-18);
         assert_abs_diff_eq!(out.tcp.turn.y, 2e-3);
     }

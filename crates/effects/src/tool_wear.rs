@@ -1,6 +1,6 @@
 //! A tool that grows dull: its force rises with the length cut.
 
-use super::{Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, Survey, checked, scalar, take};
+use super::{Effect, Kind, Load, NOT_NEGATIVE, Need, Number, Parts, Physics, State, Survey, checked, scalar};
 use deflex_lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -8,6 +8,8 @@ pub(super) const KIND: Kind = Kind {
     name: "tool_wear",
     summary: "the cutting force grows with the length cut",
     forms: &["per_m = 0.1"],
+    parts: Parts::CUT,
+    needs: &[Need::Force, Need::CutLength],
     read: |table| checked(table.try_into::<ToolWear>()?),
     candidates: |survey| match survey {
         Survey { has_force: true, has_cut_length: true, .. } => vec![Box::new(ToolWear { per_m: 0.0 })],
@@ -24,10 +26,6 @@ pub(super) struct ToolWear {
 }
 
 impl Physics for ToolWear {
-    fn parts(&self) -> Parts {
-        Parts::CUT
-    }
-
     #[inline(always)]
     fn load<R: Real>(&self, state: &State<'_, R>, load: &mut Load<R>) {
         load.cut = load.cut * (state.site.cut_length * self.per_m + 1.0);
@@ -35,18 +33,9 @@ impl Physics for ToolWear {
 }
 
 impl Effect for ToolWear {
-    fn needs(&self) -> &'static [Need] {
-        &[Need::Force, Need::CutLength]
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
+    fn numbers(&mut self) -> Vec<Number<'_>> {
         // 20 to 100 % over a tool's life of some 10 m.
-        vec![scalar("per_m", self.per_m, "1/m", 0.1, 0.0, NOT_NEGATIVE)]
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        let [per_m] = take(&mut values);
-        Box::new(Self { per_m })
+        vec![scalar("per_m", &mut self.per_m, "1/m", 0.1, 0.0, NOT_NEGATIVE)]
     }
 }
 
@@ -59,10 +48,7 @@ mod tests {
     fn half_as_much_again_after_ten_metres() {
         let mut bench = Bench::pushed(0.0, 100.0, 0.0);
         bench.situation.cut_length = 10.0;
-        let (load, _) = bench.run(
-            r#"kind = "tool_wear"
-            per_m = 0.05"#,
-        );
+        let (load, _) = bench.run("tool_wear", "per_m = 0.05");
         assert_abs_diff_eq!(load.cut.y, 150.0, epsilon = 1e-12);
     }
 }

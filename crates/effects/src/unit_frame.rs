@@ -1,8 +1,6 @@
 //! A mechanical unit that is not where it was declared. The robot or the part on it is displaced with it.
 
-use super::{
-    ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, Survey, checked, per_direction, take, unit_key,
-};
+use super::{ANY, Effect, Kind, Number, Offset, Parts, Physics, Site, Survey, checked, per_direction, unit_key};
 use deflex_lanes::{Frame, Real, Vector};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -11,6 +9,7 @@ pub(super) const KIND: Kind = Kind {
     name: "unit_frame",
     summary: "a track or a positioner is not where it was declared",
     forms: &["unit = 'STN1'\nd_rad = [0, 0, 1e-4]", "unit = 'TRACK1'\nd_mm = [0.1, 0, 0]"],
+    parts: Parts::WOBJ,
     read: |table| checked(table.try_into::<UnitFrame>()?),
     candidates,
     ..Kind::PLAIN
@@ -37,10 +36,6 @@ pub(super) struct UnitFrame {
 }
 
 impl Physics for UnitFrame {
-    fn parts(&self) -> Parts {
-        Parts::WOBJ
-    }
-
     #[inline(always)]
     fn offset<R: Real>(&self, site: &Site<R>, out: &mut Offset<R>) {
         let key = unit_key(&self.unit);
@@ -63,13 +58,9 @@ impl Effect for UnitFrame {
         Some(&self.unit)
     }
 
-    fn parameters(&self) -> Vec<Parameter> {
-        let mut all = per_direction("d_mm", &self.d_mm, "mm", 0.5, 0.0, ANY);
-        all.extend(per_direction("d_rad", &self.d_rad, "rad", 5e-4, 0.0, ANY));
+    fn numbers(&mut self) -> Vec<Number<'_>> {
+        let mut all = per_direction("d_mm", &mut self.d_mm, "mm", 0.5, 0.0, ANY);
+        all.extend(per_direction("d_rad", &mut self.d_rad, "rad", 5e-4, 0.0, ANY));
         all
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { unit: self.unit.clone(), d_mm: take(&mut values), d_rad: take(&mut values) })
     }
 }

@@ -1,6 +1,6 @@
 //! A work object that is not where it was declared. A base that is not where it was declared looks the same.
 
-use super::{ANY, Effect, Kind, Offset, Parameter, Parts, Physics, Site, checked, per_direction, take};
+use super::{ANY, Effect, Kind, Number, Offset, Parts, Physics, Site, checked, per_direction};
 use deflex_lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -9,6 +9,7 @@ pub(super) const KIND: Kind = Kind {
     summary: "the work object (or the base) is not where it was declared",
     forms: &["d_rad = [0, 0, 1e-4]"],
     like_device_frame: true,
+    parts: Parts::WOBJ,
     read: |table| checked(table.try_into::<WorkObjectFrame>()?),
     candidates: |_| vec![Box::new(WorkObjectFrame::default())],
     ..Kind::PLAIN
@@ -24,10 +25,6 @@ pub(super) struct WorkObjectFrame {
 }
 
 impl Physics for WorkObjectFrame {
-    fn parts(&self) -> Parts {
-        Parts::WOBJ
-    }
-
     #[inline(always)]
     fn offset<R: Real>(&self, _: &Site<R>, out: &mut Offset<R>) {
         out.wobj.add_mm(self.d_mm, self.d_rad);
@@ -35,14 +32,10 @@ impl Physics for WorkObjectFrame {
 }
 
 impl Effect for WorkObjectFrame {
-    fn parameters(&self) -> Vec<Parameter> {
-        let mut all = per_direction("d_mm", &self.d_mm, "mm", 0.3, 0.0, ANY);
-        all.extend(per_direction("d_rad", &self.d_rad, "rad", 5e-4, 0.0, ANY));
+    fn numbers(&mut self) -> Vec<Number<'_>> {
+        let mut all = per_direction("d_mm", &mut self.d_mm, "mm", 0.3, 0.0, ANY);
+        all.extend(per_direction("d_rad", &mut self.d_rad, "rad", 5e-4, 0.0, ANY));
         all
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { d_mm: take(&mut values), d_rad: take(&mut values) })
     }
 }
 
@@ -53,11 +46,7 @@ mod tests {
 
     #[test]
     fn millimetres_and_radians() {
-        let (_, out) = Bench::default().run(
-            r#"kind = "work_object_frame"
-            d_mm = [0.1, 0, -0.3]
-            d_rad = [0, 2e-3, 0]"#,
-        );
+        let (_, out) = Bench::default().run("work_object_frame", "d_mm = [0.1, 0, -0.3]\nd_rad = [0, 2e-3, 0]");
         assert_abs_diff_eq!(out.wobj.shift, nalgebra::Vector3::new(1e-4, 0.0, -3e-4), epsilon = 1e-18);
         assert_abs_diff_eq!(out.wobj.turn.y, 2e-3);
     }

@@ -1,8 +1,7 @@
 //! A workpiece or fixture that yields along the surface normal: thin walls, soft clamps.
 
 use super::{
-    ANY, Deflection, Effect, Kind, Load, NOT_NEGATIVE, Need, Parameter, Parts, Physics, State, checked, indexed,
-    scalar, take,
+    ANY, Deflection, Effect, Kind, Load, NOT_NEGATIVE, Need, Number, Parts, Physics, State, checked, indexed, scalar,
 };
 use deflex_lanes::{Mask, Real};
 use serde::de::Error;
@@ -17,6 +16,8 @@ pub(super) const KIND: Kind = Kind {
         "mm_per_n = [1e-4, 0, 0, 1e-9, 0, 1e-9]\ndomain_mm = [[-100, 100], [-50, 50]]",
     ],
     bends_under_load: true,
+    parts: Parts::PART,
+    needs: &[Need::Force],
     read: |table| {
         let effect = table.try_into::<WorkpieceCompliance>()?;
         if let Some([low, high]) =
@@ -81,10 +82,6 @@ fn within<R: Real>(value: R, [low, high]: [f64; 2]) -> R {
 }
 
 impl Physics for WorkpieceCompliance {
-    fn parts(&self) -> Parts {
-        Parts::PART
-    }
-
     #[inline(always)]
     fn deflect<R: Real>(&self, state: &State<'_, R>, load: &Load<R>, out: &mut Deflection<R>) {
         let site = state.site;
@@ -104,32 +101,17 @@ impl Physics for WorkpieceCompliance {
 }
 
 impl Effect for WorkpieceCompliance {
-    fn needs(&self) -> &'static [Need] {
-        &[Need::Force]
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
-        match &self.mm_per_n {
-            Compliance::Alike(value) => vec![scalar("mm_per_n", *value, "mm/N", 3e-4, 0.0, NOT_NEGATIVE)],
+    fn numbers(&mut self) -> Vec<Number<'_>> {
+        match &mut self.mm_per_n {
+            Compliance::Alike(value) => vec![scalar("mm_per_n", value, "mm/N", 3e-4, 0.0, NOT_NEGATIVE)],
             Compliance::Polynomial(values) => {
                 let mut all = indexed("mm_per_n", values, "mm/N", 0.0, 0.0, ANY);
-                for (parameter, (unit, typical)) in all.iter_mut().zip(TERMS) {
-                    (parameter.unit, parameter.typical) = (unit, typical);
+                for (number, (unit, typical)) in all.iter_mut().zip(TERMS) {
+                    (number.parameter.unit, number.parameter.typical) = (unit, typical);
                 }
                 all
             }
         }
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        let mm_per_n = match self.mm_per_n {
-            Compliance::Alike(_) => {
-                let [value] = take(&mut values);
-                Compliance::Alike(value)
-            }
-            Compliance::Polynomial(_) => Compliance::Polynomial(take(&mut values)),
-        };
-        Box::new(Self { mm_per_n, ..*self })
     }
 }
 
@@ -141,10 +123,7 @@ mod tests {
 
     #[test]
     fn the_part_gives_way_along_its_normal() {
-        let (_, out) = Bench::pushed(10.0, 0.0, 100.0).run(
-            r#"kind = "workpiece_compliance"
-            mm_per_n = 1e-3"#,
-        );
+        let (_, out) = Bench::pushed(10.0, 0.0, 100.0).run("workpiece_compliance", "mm_per_n = 1e-3");
         assert_abs_diff_eq!(out.part, Vector3::new(0.0, 0.0, -1e-4), epsilon = 1e-18);
     }
 
@@ -153,10 +132,7 @@ mod tests {
         // At x = 200 mm, y = 100 mm: 1e-4 + 200 · 1e-6 + 2e4 · 1e-8 = 5e-4 mm/N.
         let mut bench = Bench::pushed(0.0, 0.0, 100.0);
         bench.situation.wobj_from_tcp.translation.vector = Vector3::new(0.2, 0.1, 0.0);
-        let (_, out) = bench.run(
-            r#"kind = "workpiece_compliance"
-            mm_per_n = [1e-4, 1e-6, 0, 0, 1e-8, 0]"#,
-        );
+        let (_, out) = bench.run("workpiece_compliance", "mm_per_n = [1e-4, 1e-6, 0, 0, 1e-8, 0]");
         assert_abs_diff_eq!(out.part.z, -5e-5, epsilon = 1e-18);
     }
 
@@ -166,9 +142,8 @@ mod tests {
             let mut bench = Bench::pushed(0.0, 0.0, 100.0);
             bench.situation.wobj_from_tcp.translation.vector = Vector3::new(1e-3 * x, 1e-3 * y, 0.0);
             let (_, out) = bench.run(
-                r#"kind = "workpiece_compliance"
-                mm_per_n = [1e-4, 1e-6, 0, 0, 1e-8, 0]
-                domain_mm = [[-10, 200], [0, 100]]"#,
+                "workpiece_compliance",
+                "mm_per_n = [1e-4, 1e-6, 0, 0, 1e-8, 0]\ndomain_mm = [[-10, 200], [0, 100]]",
             );
             out.part.z
         };

@@ -1,6 +1,6 @@
 //! Wrong zero positions of joints: resolvers synchronised at the wrong angle.
 
-use super::{ANY, Covered, Effect, Kind, Offset, Parameter, Physics, Site, checked, per_axis, take};
+use super::{ANY, Covered, Effect, Kind, Number, Offset, Physics, Site, checked, per_axis};
 use deflex_lanes::Real;
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +12,7 @@ pub(super) const KIND: Kind = Kind {
     locally_like: &[super::joint_error_curve::KIND.name],
     is_joint_constant: true,
     stage: super::Stage::JointZeros,
+    covered_by: Some(Covered::Geometry),
     read: |table| checked(table.try_into::<ZeroOffset>()?),
     candidates: |_| vec![Box::new(ZeroOffset { offset_rad: [0.0; 6] })],
     ..Kind::PLAIN
@@ -34,16 +35,8 @@ impl Physics for ZeroOffset {
 }
 
 impl Effect for ZeroOffset {
-    fn covered_by(&self) -> Option<Covered> {
-        Some(Covered::Geometry)
-    }
-
-    fn parameters(&self) -> Vec<Parameter> {
-        per_axis("offset_rad", &self.offset_rad, "rad", 3e-4, 0.0, ANY)
-    }
-
-    fn with_values(&self, mut values: &[f64]) -> Box<dyn Effect> {
-        Box::new(Self { offset_rad: take(&mut values) })
+    fn numbers(&mut self) -> Vec<Number<'_>> {
+        per_axis("offset_rad", &mut self.offset_rad, "rad", 3e-4, 0.0, ANY)
     }
 }
 
@@ -54,10 +47,7 @@ mod tests {
 
     #[test]
     fn offsets_add() {
-        let (_, out) = Bench::default().run(
-            r#"kind = "zero_offset"
-            offset_rad = [0, 3e-4, 0, 0, -5e-4, 0]"#,
-        );
+        let (_, out) = Bench::default().run("zero_offset", "offset_rad = [0, 3e-4, 0, 0, -5e-4, 0]");
         assert_abs_diff_eq!(out.joints[1], 3e-4);
         assert_abs_diff_eq!(out.joints[4], -5e-4);
     }

@@ -7,14 +7,22 @@ use deflex_robot::{Joints, Robot};
 ///
 /// # Examples
 /// ```
-/// use deflex_effects::declared_springs;
+/// use deflex_effects::{Cutting, Situation, ToolFrame, declared_springs};
 /// use deflex_equilibrium::Arm;
-/// use deflex_robot::Builtin;
+/// use deflex_robot::{Builtin, Joints, Pose};
 ///
 /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
+/// let motor = robot.motor_from_axes_deg(&robot.home_deg());
+/// let tool = ToolFrame { flange_from_tcp: Pose::translation(0.0, 0.0, 0.3), mass: 18.0, cog: [0.0, 0.0, 0.1].into() };
+/// let wanted = robot.forward(&motor) * tool.flange_from_tcp;
 /// let stiffness = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]; // N·m/rad, at the motors
 /// let arm = Arm { stiffness: Some(stiffness.into()), effects: vec![declared_springs(&robot.axes)], robot };
-/// assert_eq!(arm.effects[0].kind(), "joint_stiffness");
+///
+/// let situation = Situation { cutting: Cutting::Constant([0.0, 300.0, 0.0].into()), ..Situation::in_air(tool, wanted) };
+/// let found = arm.predict(&situation, &motor, &Joints::zeros()).expect("an equilibrium");
+/// assert!((found.wobj_from_tcp.translation.vector - wanted.translation.vector).y > 1e-4); // m: the arm yields to the force
+/// let command = arm.command(&situation, &wanted, &motor, &Joints::zeros()).expect("within reach");
+/// assert!(command.deflection().amax() > 1e-5); // rad
 /// ```
 #[derive(Debug)]
 pub struct Arm {

@@ -14,8 +14,9 @@ use deflex_robot::{Joints, Pose};
 /// use deflex_equilibrium::Command;
 /// use deflex_robot::Joints;
 ///
-/// let command = Command::held(&Joints::repeat(0.1)); // rad, without a correction
-/// assert_eq!(command.deflection(), Joints::zeros());
+/// let motor = Joints::repeat(0.1); // rad
+/// let command = Command::held(&motor); // without a correction
+/// assert_eq!((command.deflection(), command.commanded(&Joints::zeros())), (Joints::zeros(), motor));
 /// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -111,15 +112,6 @@ impl Command {
     }
 
     /// Commanded motor angles for a direction of travel (−1 to 1 for each joint), rad.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_equilibrium::Command;
-    /// use deflex_robot::Joints;
-    ///
-    /// let motor = Joints::repeat(0.1);
-    /// assert_eq!(Command::held(&motor).commanded(&Joints::zeros()), motor);
-    /// ```
     #[must_use]
     pub fn commanded(&self, travel: &Joints) -> Joints {
         self.aim().commanded(travel)
@@ -146,23 +138,6 @@ impl Arm {
     ///
     /// # Errors
     /// The arm does not reach the pose, or the iteration does not converge.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_effects::{Cutting, Situation, ToolFrame, declared_springs};
-    /// use deflex_equilibrium::Arm;
-    /// use deflex_robot::{Builtin, Joints, Pose};
-    ///
-    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let motor = robot.motor_from_axes_deg(&robot.home_deg());
-    /// let tool = ToolFrame { flange_from_tcp: Pose::translation(0.0, 0.0, 0.3), mass: 18.0, cog: [0.0, 0.0, 0.1].into() };
-    /// let wanted = robot.forward(&motor) * tool.flange_from_tcp;
-    /// let stiffness = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]; // N·m/rad, at the motors
-    /// let arm = Arm { stiffness: Some(stiffness.into()), effects: vec![declared_springs(&robot.axes)], robot };
-    /// let situation = Situation { cutting: Cutting::Constant([0.0, 300.0, 0.0].into()), ..Situation::in_air(tool, wanted) };
-    /// let command = arm.command(&situation, &wanted, &motor, &Joints::zeros()).expect("within reach");
-    /// assert!(command.deflection().amax() > 1e-5); // rad
-    /// ```
     pub fn command(
         &self,
         situation: &Situation,

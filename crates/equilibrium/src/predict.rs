@@ -14,17 +14,9 @@ use std::f64::consts::FRAC_1_SQRT_2;
 ///
 /// # Examples
 /// ```
-/// # use deflex_effects::{Cutting, Situation, ToolFrame, declared_springs};
-/// # use deflex_robot::{Builtin, Joints, Pose};
-/// # let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-/// # let motor = robot.motor_from_axes_deg(&robot.home_deg());
-/// # let tool = ToolFrame { flange_from_tcp: Pose::translation(0.0, 0.0, 0.3), mass: 18.0, cog: [0.0, 0.0, 0.1].into() };
-/// # let wanted = robot.forward(&motor) * tool.flange_from_tcp;
-/// # let situation = Situation { cutting: Cutting::Constant([0.0, 300.0, 0.0].into()), ..Situation::in_air(tool, wanted) };
-/// use deflex_equilibrium::Arm;
+/// # let (arm, situation, motor) = include!("../../../tests/doc/arm.rs");
+/// use deflex_robot::Joints;
 ///
-/// # let stiffness = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4];
-/// # let arm = Arm { stiffness: Some(stiffness.into()), effects: vec![declared_springs(&robot.axes)], robot };
 /// let loaded = arm.predict(&situation, &motor, &Joints::zeros()).expect("an equilibrium");
 /// let off = loaded.wobj_from_tcp.translation.vector - situation.wobj_from_tcp.translation.vector;
 /// assert!(off.norm() > 1e-5); // m: the arm yields
@@ -47,17 +39,9 @@ pub struct Equilibrium {
 ///
 /// # Examples
 /// ```
-/// # use deflex_effects::{Cutting, Situation, ToolFrame, declared_springs};
-/// # use deflex_robot::{Builtin, Joints, Pose};
-/// # let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-/// # let motor = robot.motor_from_axes_deg(&robot.home_deg());
-/// # let tool = ToolFrame { flange_from_tcp: Pose::translation(0.0, 0.0, 0.3), mass: 18.0, cog: [0.0, 0.0, 0.1].into() };
-/// # let wanted = robot.forward(&motor) * tool.flange_from_tcp;
-/// # let situation = Situation { cutting: Cutting::Constant([0.0, 300.0, 0.0].into()), ..Situation::in_air(tool, wanted) };
-/// use deflex_equilibrium::Arm;
+/// # let (arm, situation, motor) = include!("../../../tests/doc/arm.rs");
+/// use deflex_robot::Joints;
 ///
-/// # let stiffness = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4];
-/// # let arm = Arm { stiffness: Some(stiffness.into()), effects: vec![declared_springs(&robot.axes)], robot };
 /// let load = arm.predict(&situation, &motor, &Joints::zeros()).expect("an equilibrium").load;
 /// println!("{:.0} N, {:.0} N·m at motor 2", load.cut.norm(), load.torque[1]);
 /// ```
@@ -190,24 +174,6 @@ impl Arm {
     ///
     /// # Errors
     /// There is no equilibrium, or it is not finite.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_effects::{Cutting, Situation, ToolFrame, declared_springs};
-    /// use deflex_equilibrium::Arm;
-    /// use deflex_robot::{Builtin, Joints, Pose};
-    ///
-    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let motor = robot.motor_from_axes_deg(&robot.home_deg());
-    /// let tool = ToolFrame { flange_from_tcp: Pose::translation(0.0, 0.0, 0.3), mass: 18.0, cog: [0.0, 0.0, 0.1].into() };
-    /// let wanted = robot.forward(&motor) * tool.flange_from_tcp;
-    /// let stiffness = [8.86e5, 5.5e5, 1.85e6, 3.3e5, 2.1e5, 8.81e4]; // N·m/rad, at the motors
-    /// let arm = Arm { stiffness: Some(stiffness.into()), effects: vec![declared_springs(&robot.axes)], robot };
-    /// let situation = Situation { cutting: Cutting::Constant([0.0, 300.0, 0.0].into()), ..Situation::in_air(tool, wanted) };
-    /// let found = arm.predict(&situation, &motor, &Joints::zeros()).expect("an equilibrium");
-    /// let shift = found.wobj_from_tcp.translation.vector - wanted.translation.vector;
-    /// assert!(shift.y > 1e-4); // m: the arm yields to the force
-    /// ```
     pub fn predict(
         &self,
         situation: &Situation,

@@ -67,6 +67,7 @@ pub struct MeasuredRow {
 ///
 /// let table = Table::read(&Source::new("probe.csv", "target,normal_mm\n1,0.12\n2,0.14\n"))?;
 /// assert_eq!(table.rows.len(), 2);
+/// assert!(table.forces().of(2, None).is_some_and(|row| row.force.is_none()));
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -84,47 +85,21 @@ pub struct Table {
 /// Default largest distance from the path of a row without a target, mm.
 pub const MATCH_MM: f64 = 5.0;
 
-/// Numbers beyond these sizes are a mistake or in another unit, for any robot: the largest robots have a reach of 5 m,
-/// stand on tracks of about 100 m, carry 2.3 t and push with less than 100 kN.
-const LARGEST: [f64; COLUMNS.len()] = {
-    const PLACE_MM: f64 = 1e6;
-    const ANGLE_DEG: f64 = 1e5;
-    const FORCE_N: f64 = 1e6;
-    const TIME_S: f64 = 1e12; // since 1970, in milliseconds too
-    let (unit, error) = (10.0, 1e3);
-    [
-        f64::INFINITY,
-        PLACE_MM,
-        PLACE_MM,
-        PLACE_MM,
-        unit,
-        unit,
-        unit,
-        unit,
-        error,
-        ANGLE_DEG,
-        ANGLE_DEG,
-        ANGLE_DEG,
-        ANGLE_DEG,
-        ANGLE_DEG,
-        ANGLE_DEG,
-        PLACE_MM,
-        FORCE_N,
-        FORCE_N,
-        FORCE_N,
-        TIME_S,
-        1e4,
-        1e5,
-        error,
-        f64::INFINITY,
-        f64::INFINITY,
-        PLACE_MM,
-        PLACE_MM,
-        PLACE_MM,
-        f64::INFINITY,
-        f64::INFINITY,
-    ]
-};
+/// The largest size of a number in a column. A larger one is a mistake or in another unit, for any robot: the largest
+/// robots have a reach of 5 m, stand on tracks of about 100 m, carry 2.3 t and push with less than 100 kN.
+fn largest(column: usize) -> f64 {
+    match column {
+        1..=3 | 15 | 25..=27 => 1e6, // places, mm
+        4..=7 => 10.0,               // parts of a unit quaternion
+        8 | 22 => 1e3,               // errors, mm
+        9..=14 => 1e5,               // angles, degrees
+        16..=18 => 1e6,              // forces, N
+        19 => 1e12,                  // times, s: also milliseconds since 1970
+        20 => 1e4,                   // temperatures, °C
+        21 => 1e5,                   // payloads, kg
+        _ => f64::INFINITY,
+    }
+}
 
 /// Number of messages about a file that are listed; further ones are counted.
 const MESSAGES: usize = 20;
@@ -174,16 +149,6 @@ impl Table {
     }
 
     /// Forces and covariates by target, for `--forces`.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_measured::Table;
-    /// # use deflex_text::Source;
-    /// let table = Table::read(&Source::new("forces.csv", "target,fx_n,fy_n,fz_n\n7,0,0,120\n"))?;
-    /// let row = table.forces().of(7, None).expect("a row for target 7");
-    /// assert_eq!(row.force.map(|force| force.z), Some(120.0));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn forces(&self) -> Forces {
         self.rows.iter().filter_map(|row| Some((row.target.clone()?, row.force()))).collect()
@@ -362,8 +327,8 @@ impl Cells<'_> {
             (format!("{}: {message}", COLUMNS[column]), "write all numbers of a file alike".to_owned())
         })?;
         match number {
-            Some(value) if value.abs() > LARGEST[column] => Err((
-                format!("{} is {text}, far beyond any robot (at most {:e})", COLUMNS[column], LARGEST[column]),
+            Some(value) if value.abs() > largest(column) => Err((
+                format!("{} is {text}, far beyond any robot (at most {:e})", COLUMNS[column], largest(column)),
                 "check the number and its unit".into(),
             )),
             Some(value) => Ok(Some(value)),
@@ -442,9 +407,7 @@ impl Cells<'_> {
         let target = match self.text(0) {
             None => None,
             Some(text) => Some(match text.parse::<f64>() {
-                Ok(ordinal) if ordinal >= 1.0 && ordinal.fract() == 0.0 && ordinal <= f64::from(u32::MAX) =>
-                {
-                    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+                Ok(ordinal) if ordinal >= 1.0 && ordinal.fract() == 0.0 && ordinal <= f64::from(u32::MAX) => {
                     TargetRef::Ordinal(ordinal as u32)
                 }
                 Ok(_) => return Err((format!("target is `{text}`"), "expected an ordinal from 1, or a name".into())),

@@ -15,8 +15,8 @@ use std::fmt::Write;
 /// ```
 /// use deflex_report::{CheckFile, Judgement};
 ///
-/// let file = CheckFile::new("part.mod", Judgement::default(), (vec![], 0));
-/// assert_eq!(file.path, "part.mod");
+/// let file = CheckFile::new("part.mod", Judgement::default(), (vec![], 7)); // none of the findings is listed
+/// assert_eq!((&file.path[..], file.count()), ("part.mod", 7));
 /// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
@@ -63,7 +63,6 @@ pub struct Judgement {
 
 /// The three verdicts, each with a limit of its own.
 #[derive(Clone, Debug, Default, Serialize)]
-#[non_exhaustive]
 #[doc(hidden)]
 pub struct Verdicts {
     /// Errors of the targets: `--max-error`.
@@ -76,7 +75,6 @@ pub struct Verdicts {
 
 /// The largest error of a kind, and its limit.
 #[derive(Clone, Debug, Default, Serialize)]
-#[non_exhaustive]
 #[doc(hidden)]
 pub struct Verdict {
     /// Limit, mm; `None` if the error is reported and not judged.
@@ -86,12 +84,6 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// From the largest error that was found, and the limit, mm.
-    #[must_use]
-    pub fn new(largest: Option<Spot>, limit_mm: Option<f64>) -> Self {
-        Self { limit_mm, largest }
-    }
-
     /// Whether the largest error is above the limit.
     #[must_use]
     pub(crate) fn fails(&self) -> bool {
@@ -100,12 +92,6 @@ impl Verdict {
 }
 
 impl Verdicts {
-    /// Of targets, of the paths between them, and of jumps.
-    #[must_use]
-    pub fn new(targets: Verdict, ways: Verdict, jumps: Verdict) -> Self {
-        Self { targets, ways, jumps }
-    }
-
     /// The verdicts with the words for what is measured, and the help for a failure.
     fn all(&self) -> [(&Verdict, &'static str, &'static str); 3] {
         [
@@ -186,14 +172,6 @@ impl CheckFile {
     }
 
     /// How many findings there are, listed or not.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_report::{CheckFile, Judgement};
-    ///
-    /// let file = CheckFile::new("part.mod", Judgement::default(), (vec![], 7)); // none is listed
-    /// assert_eq!(file.count(), 7);
-    /// ```
     #[must_use]
     pub fn count(&self) -> usize {
         self.findings.len() + self.more

@@ -257,11 +257,7 @@ pub fn write_csv(rows: &[Row], out: &mut impl Write) -> io::Result<()> {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// let text = deflex_report::csv_rows(&corrected.rows);
 /// assert_eq!(text.iter().filter(|byte| **byte == b'\n').count(), corrected.rows.len());
@@ -467,7 +463,6 @@ mod tests {
         Row {
             target,
             line,
-            name: None,
             status: Status::Ok,
             position_mm: three(0),
             error_mm: three(3),
@@ -486,9 +481,7 @@ mod tests {
             joints_deg: (!target.is_multiple_of(5)).then(|| std::array::from_fn(|axis| values[axis])),
             feed_mm_s: (!line.is_multiple_of(3)).then_some(values[14]),
             error_part_mm: target.is_multiple_of(7).then_some(values[13]),
-            names: None,
-            stiffness: None,
-            stance: None,
+            ..Row::default()
         }
     }
 

@@ -15,9 +15,7 @@ const SAME: f64 = 1e-9;
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, _) = include!("../../../tests/doc/slot.rs");
 /// let difference = deflex_report::difference(&program, &program);
 /// assert!(difference.is_empty() && difference.max_mm == 0.0);
 /// # Ok::<(), deflex_text::Diagnostics>(())
@@ -47,9 +45,7 @@ pub struct Difference {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, _) = include!("../../../tests/doc/slot.rs");
 /// for moved in deflex_report::difference(&program, &program).moved {
 ///     println!("target {}: {:?} mm", moved.target, moved.shift_mm);
 /// }
@@ -81,9 +77,7 @@ pub struct MovedTarget {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, _) = include!("../../../tests/doc/slot.rs");
 /// for other in deflex_report::difference(&program, &program).other {
 ///     println!("line {}: {}", other.line, other.what);
 /// }
@@ -361,7 +355,8 @@ pub fn diff_csv(found: &Difference) -> String {
     let mut out =
         "target,line,shift_x_mm,shift_y_mm,shift_z_mm,shift_mm,turn_deg,step_mm,conf_before,conf_after\n".to_owned();
     for m in &found.moved {
-        let numbers = [m.shift_mm[0], m.shift_mm[1], m.shift_mm[2], m.mm, m.deg, m.step_mm].map(plain);
+        let numbers =
+            [m.shift_mm[0], m.shift_mm[1], m.shift_mm[2], m.mm, m.deg, m.step_mm].map(|value| decimals(value, 6));
         let conf = |list: Option<[i32; 4]>| list.map_or_else(String::new, |list| list.map(|c| c.to_string()).join(" "));
         let (before, after) = (conf(m.conf.map(|c| c.0)), conf(m.conf.map(|c| c.1)));
         // Writing to a String cannot fail.
@@ -370,16 +365,12 @@ pub fn diff_csv(found: &Difference) -> String {
     out
 }
 
-/// Six decimals, and no negative zero.
-fn plain(value: f64) -> String {
-    decimals(value, 6)
-}
-
-/// Four decimals, as programs are written, and no negative zero.
+/// Four decimals, as programs are written.
 fn short(value: f64) -> String {
     decimals(value, 4)
 }
 
+/// The number with these decimals, and no negative zero.
 fn decimals(value: f64, decimals: usize) -> String {
     let mut text = Vec::new();
     number::write_fixed(&mut text, value, decimals);

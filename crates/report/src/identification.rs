@@ -134,7 +134,6 @@ pub(super) fn significant(value: f64) -> String {
     if value == 0.0 || !(1e-3..1e7).contains(&size) {
         return if value == 0.0 { "0".to_owned() } else { format!("{value:.3e}") };
     }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let decimals = (3.0 - size.log10().floor()).max(0.0) as usize;
     let mut text = Vec::new();
     write_fixed(&mut text, value, decimals);
@@ -341,15 +340,17 @@ pub fn residual_csv(rows: &[ResidualRow]) -> String {
 mod tests {
     use super::*;
 
+    /// An angle in rad that is known to within an angle.
+    fn angle(name: String, value: f64, within: f64) -> FittedParameter {
+        let (ci95, owner) = ([value - within, value + within], ParameterOwner::Effect);
+        FittedParameter { name, value, unit: "rad", ci95, neutral: 0.0, owner }
+    }
+
     #[test]
     fn an_effect_is_named_with_the_axes_in_which_it_acts() {
-        let gap = |(i, value): (usize, f64)| FittedParameter {
-            name: format!("half_gap_rad[{i}]"),
-            value,
-            unit: "rad",
-            ci95: [value - 1e-5, value + 1e-5],
-            neutral: 0.0,
-            owner: ParameterOwner::Axis(i + 1),
+        let gap = |(i, value): (usize, f64)| {
+            let owner = ParameterOwner::Axis(i + 1);
+            FittedParameter { owner, ..angle(format!("half_gap_rad[{i}]"), value, 1e-5) }
         };
         let mut backlash = Added {
             kind: "backlash".to_owned(),
@@ -385,14 +386,7 @@ mod tests {
 
     #[test]
     fn knots_of_curves_are_counted_and_other_parameters_shown() {
-        let parameter = |name: String, value| FittedParameter {
-            name,
-            value,
-            unit: "rad",
-            ci95: [value - 1.0, value + 1.0],
-            neutral: 0.0,
-            owner: ParameterOwner::Effect,
-        };
+        let parameter = |name: String, value| angle(name, value, 1.0);
         let few: Vec<_> = (0..6).map(|i| parameter(format!("half_gap_rad[{i}]"), f64::from(i))).collect();
         let mut out = String::new();
         write_parameters(&mut out, &few);

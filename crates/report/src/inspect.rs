@@ -13,16 +13,15 @@ const CL_WOBJ: &str = "the part";
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, _) = include!("../../../tests/doc/slot.rs");
 /// use deflex_report::InspectFile;
 ///
-/// let file = InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, rapid::read));
+/// let file = InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, deflex_program::rapid::read));
 /// assert!(file.refused.is_none());
+/// assert!(InspectFile::refused("part.mod", None, &[]).refused.is_some());
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct InspectFile {
     /// As the user typed it.
     pub path: String,
@@ -58,10 +57,8 @@ pub struct InspectFile {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-/// let reach = deflex_report::InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, rapid::read)).reach;
+/// # let (program, _) = include!("../../../tests/doc/slot.rs");
+/// let reach = deflex_report::InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, deflex_program::rapid::read)).reach;
 /// println!("{:.0} s, external axes {:?}", reach.run_time_s, reach.external_axes);
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
@@ -82,10 +79,8 @@ pub struct Reached {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-/// for extent in deflex_report::InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, rapid::read)).reach.extents {
+/// # let (program, _) = include!("../../../tests/doc/slot.rs");
+/// for extent in deflex_report::InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, deflex_program::rapid::read)).reach.extents {
 ///     println!("{}: from {:?} to {:?}", extent.wobj, extent.min_mm, extent.max_mm);
 /// }
 /// # Ok::<(), deflex_text::Diagnostics>(())
@@ -190,10 +185,8 @@ fn kept_lines(program: &Program) -> Vec<KeptLine> {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-/// for kept in deflex_report::InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, rapid::read)).kept {
+/// # let (program, _) = include!("../../../tests/doc/slot.rs");
+/// for kept in deflex_report::InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, deflex_program::rapid::read)).kept {
 ///     println!("line {}: {}", kept.line, kept.reason);
 /// }
 /// # Ok::<(), deflex_text::Diagnostics>(())
@@ -234,33 +227,10 @@ impl InspectFile {
     }
 
     /// A file that is refused as a whole.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_report::InspectFile;
-    /// use deflex_text::Diagnostic;
-    ///
-    /// let file = InspectFile::refused("part.mod", None, &[Diagnostic::error("a.code", "part.mod", "no program")]);
-    /// assert!(file.refused.is_some());
-    /// ```
     #[must_use]
     pub fn refused(path: &str, language: Option<Language>, errors: &[Diagnostic]) -> Self {
         let reason = errors.first().map_or_else(|| "not read".to_owned(), |error| error.message.clone());
-        Self {
-            path: path.to_owned(),
-            language: language.map(Language::word),
-            dialect: None,
-            motion_targets: 0,
-            literal_targets: 0,
-            arcs: 0,
-            refused: Some(reason),
-            kept: Vec::new(),
-            round_trip: false,
-            round_trip_fault: None,
-            tools: Vec::new(),
-            wobjs: Vec::new(),
-            reach: Reached::default(),
-        }
+        Self { path: path.to_owned(), language: language.map(Language::word), refused: Some(reason), ..Self::default() }
     }
 }
 
@@ -268,12 +238,10 @@ impl InspectFile {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, _) = include!("../../../tests/doc/slot.rs");
 /// use deflex_report::{InspectFile, InspectFiles};
 ///
-/// let files = [InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, rapid::read))];
+/// let files = [InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, deflex_program::rapid::read))];
 /// let json = serde_json::to_string(&InspectFiles { files: &files }).expect("values that JSON can hold");
 /// assert!(json.contains("motion_targets"));
 /// # Ok::<(), deflex_text::Diagnostics>(())

@@ -15,9 +15,7 @@ const NEAR: f64 = 5.5;
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, _) = include!("../../../tests/doc/slot.rs");
 /// for inserted in deflex_report::difference(&program, &program).inserted {
 ///     println!("target {} before target {} of the first program", inserted.target, inserted.before);
 /// }

@@ -64,11 +64,8 @@ pub struct OneSide {
 /// ```
 /// use deflex_report::MapFigures;
 ///
-/// /// Whether a part is within a tolerance, mm.
-/// fn is_good(figures: &MapFigures, tolerance_mm: f64) -> bool {
-///     figures.max_mm <= tolerance_mm
-/// }
-/// assert!(is_good(&MapFigures::default(), 0.1));
+/// let figures = MapFigures::of(&[0.02, -0.04]);
+/// assert_eq!((figures.max_mm, figures.gouge.max_mm, figures.leftover.max_mm), (0.04, 0.04, 0.02));
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[non_exhaustive]
@@ -91,14 +88,6 @@ pub struct MapFigures {
 
 impl MapFigures {
     /// The figures of deviations, mm.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_report::MapFigures;
-    ///
-    /// let figures = MapFigures::of(&[0.02, -0.04]);
-    /// assert_eq!((figures.max_mm, figures.gouge.max_mm, figures.leftover.max_mm), (0.04, 0.04, 0.02));
-    /// ```
     #[must_use]
     pub fn of(deviations: &[f64]) -> Self {
         let n = deviations.len().max(1) as f64;

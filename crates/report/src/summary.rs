@@ -26,11 +26,7 @@ pub enum PathKind {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// use deflex_correct::Summary;
 /// use deflex_report::FileSummary;
@@ -64,11 +60,7 @@ pub struct FileSummary {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// use deflex_correct::Summary;
 /// use deflex_report::FileSummary;
@@ -166,11 +158,7 @@ pub fn kept_text(kept: &KeptCount) -> String {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// use deflex_correct::Summary;
 /// use deflex_report::html::PathKind;

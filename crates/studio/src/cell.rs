@@ -441,29 +441,12 @@ struct SpannedValue<'a> {
 const GONE: &str = "this place is no longer in the file: load it again";
 
 fn find<'a>(document: &'a Document<&str>, path: &[PathStep]) -> Result<SpannedValue<'a>, String> {
-    let value = in_table(document.as_table(), path).ok_or(GONE)?;
+    let item = path.iter().try_fold(document.as_item(), |item, step| match step {
+        PathStep::Key(key) => item.get(key),
+        PathStep::Index(at) => item.get(*at),
+    });
+    let value = item.and_then(Item::as_value).ok_or(GONE)?;
     Ok(SpannedValue { value, span: value.span().ok_or(GONE)? })
-}
-
-fn in_table<'a>(table: &'a Table, path: &[PathStep]) -> Option<&'a Value> {
-    let (PathStep::Key(key), rest) = path.split_first()? else { return None };
-    match table.get(key)? {
-        Item::Value(value) => in_value(value, rest),
-        Item::Table(inner) => in_table(inner, rest),
-        Item::ArrayOfTables(all) => {
-            let (PathStep::Index(at), rest) = rest.split_first()? else { return None };
-            in_table(all.get(*at)?, rest)
-        }
-        Item::None => None,
-    }
-}
-
-fn in_value<'a>(value: &'a Value, path: &[PathStep]) -> Option<&'a Value> {
-    match path.split_first() {
-        None => Some(value),
-        Some((PathStep::Index(at), rest)) => in_value(value.as_array()?.get(*at)?, rest),
-        Some((PathStep::Key(key), rest)) => in_value(value.as_inline_table()?.get(key)?, rest),
-    }
 }
 
 fn set(document: &Document<&str>, lines: &Lines<'_>, path: &[PathStep], typed: &str) -> Result<String, String> {

@@ -207,7 +207,7 @@ fn tables_round_trip() {
             prop_assert_eq!(table["kind"].as_str(), Some(effect.kind()), "look at `Listed::to_table`");
             // Through text, as the cell file has it.
             let again = read(table.to_string().parse().unwrap()).unwrap();
-            let where_to_look = "look at the `serde` attributes of the table, `Effect::parameters` and `with_values`";
+            let where_to_look = "look at the `serde` attributes of the table and at `Effect::numbers`";
             prop_assert_eq!(again.parameters(), effect.parameters(), "{}: {}", effect.kind(), where_to_look);
             prop_assert_eq!(again.to_table(), table, "{}", where_to_look);
         }
@@ -297,7 +297,7 @@ fn every_parameter_moves_something() {
             values[i] += 0.3 * parameter.typical;
             let moved = (seen(start.with_values(&values)).to_homogeneous() - there.to_homogeneous()).norm();
             let still = IDLE.contains(&(form.kind(), parameter.name.as_str()));
-            let where_to_look = "look at `Effect::with_values` and `Physics`, or list it in `IDLE`";
+            let where_to_look = "look at `Effect::numbers` and `Physics`, or list it in `IDLE`";
             assert!(
                 still || moved > 1e-9,
                 "{} {} moves nothing ({moved:e}): {where_to_look}",

@@ -4,11 +4,11 @@
 //! `DEFLEX_PLANT_CASES=DIR cargo test effects::plant -- --nocapture` tries further cells of that form.
 
 use super::every::read;
+use crate::identify::source;
 use deflex::cell::Cell;
 use deflex::effects::{Cutting, KINDS, Situation, ToolFrame};
 use deflex::measured::Table;
 use deflex::robot::{Joints, Pose};
-use deflex::text::Source;
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -61,10 +61,6 @@ fn program(text: &str) -> Program {
         world_from_wobj: pose(&wobj) * pose(&wobj[7..]),
         moves: moves.collect(),
     }
-}
-
-fn source(path: &Path) -> Source {
-    Source::new(path.display().to_string(), std::fs::read(path).unwrap())
 }
 
 /// The declared cell with what was really added, or `None` where that is in no list.

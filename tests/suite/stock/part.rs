@@ -1,5 +1,6 @@
 //! The clamped part yields where it is cut: shares, signs and messages.
 
+use crate::identify::{no_data, rough};
 use deflex::cell::{Cell, extended};
 use deflex::correct::{Corrected, Options, Row, Status, compensate, predict};
 use deflex::identify::{Added, Identification, Input, identify};
@@ -292,12 +293,6 @@ fn slots() -> Program {
     rapid::read(vec![Source::new("plate.mod", text.into_bytes())], Vec::new()).unwrap()
 }
 
-/// A stand-in for noise: uniform, of unit variance, the same on every run.
-fn rough(i: usize) -> f64 {
-    let x = (i as f64 * 12.9898).sin() * 43_758.545;
-    3.464 * (x - x.floor() - 0.5)
-}
-
 /// What a cell makes of the targets on the plate that cut.
 fn rows_of_plate(text: &str) -> Vec<Row> {
     let rows = predict(&slots(), &cell(text), &Options::default(), None).unwrap().rows;
@@ -313,16 +308,7 @@ fn seen_mm(row: &Row) -> Vector3<f64> {
 /// What is found from a table of rows of the plate.
 fn found_from(csv: String) -> Identification {
     let table = Table::read(&Source::new("rows.csv", csv.into_bytes())).unwrap();
-    identify(Input {
-        cell: &cell(&plate_text("")),
-        runs: vec![(slots(), table).into()],
-        poses: vec![],
-        tool: None,
-        data_hash: "test",
-        written: Default::default(),
-        progress: &|_| true,
-    })
-    .unwrap()
+    identify(Input { runs: vec![(slots(), table).into()], ..no_data(&cell(&plate_text(""))) }).unwrap()
 }
 
 /// What is found with the force that acted.

@@ -132,9 +132,7 @@ impl Grid {
         for (k, axis) in axes.iter().enumerate() {
             let range = axis.max - axis.min;
             cell[k] = COARSE[axis.kind()].max(range / most).min(range);
-            #[allow(clippy::cast_possible_truncation)] // at most as many as `MOST_CELLS`
-            let cells = (range / cell[k] + SLACK).floor() as i16;
-            reach[k] = cells;
+            reach[k] = (range / cell[k] + SLACK).floor() as i16; // at most as many as `MOST_CELLS`
         }
         Self::new(cell, reach)
     }

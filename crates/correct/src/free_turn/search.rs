@@ -176,9 +176,8 @@ fn way_back(back: &[Box<[TraceStep]>], mut at: usize) -> Vec<u32> {
     states
 }
 
-#[allow(clippy::cast_possible_truncation)] // a target has some thousand states
 fn narrow(index: usize) -> u32 {
-    index as u32
+    index as u32 // a target has some thousand states
 }
 
 impl Move {
@@ -234,7 +233,6 @@ impl Cells {
 
     /// Every state of a group whose cell is at most `turn` (rad) away, plus one cell on each side.
     fn within(&self, group: usize, middle: f64, turn: f64, consider: &mut impl FnMut(usize)) {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let cells = (turn / STEP).ceil().min(TURNS as f64) as usize + 1;
         let first = cell(middle) + TURNS - cells.min(TURNS / 2);
         for offset in 0..(2 * cells + 1).min(TURNS) {
@@ -245,9 +243,7 @@ impl Cells {
 }
 
 fn cell(turn: f64) -> usize {
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let cell = (turn.rem_euclid(TAU) / STEP).round() as usize;
-    cell % TURNS
+    (turn.rem_euclid(TAU) / STEP).round() as usize % TURNS
 }
 
 #[cfg(test)]

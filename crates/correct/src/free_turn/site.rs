@@ -53,8 +53,7 @@ struct TargetPlace {
 }
 
 impl Site {
-    /// The site of target `i`.
-    #[allow(clippy::cast_possible_truncation)] // travel needs no more than single precision; columns are below 2³²
+    /// The site of target `i`. Travel needs no more than single precision, and columns are below 2³².
     pub(super) fn of(program: &Program, prepared: &Prepared, i: usize) -> Self {
         let (target, point) = (&program.targets[i], prepared.points[i].clone());
         let Point { temperature, payload, through, milled, part, .. } = point;

@@ -16,9 +16,7 @@ const CHANNELS: Channels = &[
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, _) = include!("../../../../tests/doc/slot.rs");
 /// let found = deflex_report::difference(&program, &program);
 /// let page = deflex_report::html::diff_page(&program, "corrected.mod", &found);
 /// assert!(page.starts_with("<!DOCTYPE html>"));

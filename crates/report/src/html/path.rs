@@ -84,16 +84,13 @@ fn values(row: &Row, kind: PathKind) -> Vec<f64> {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// use deflex_report::html::{PathKind, PathTrace};
 ///
 /// let mut trace = PathTrace::new(PathKind::Compensate, 1);
 /// trace.extend(&corrected.rows);
+/// trace.quote(|_, line| Some(format!("line {line} of the program")));
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug)]
@@ -153,22 +150,6 @@ impl PathTrace {
     /// Quotes the line of the program at every target that the page will show. Call it after all rows have been added.
     /// `line_of` gives the text of a line from the target's ordinal and the line's number, and is called in running
     /// order.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cell::Cell;
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
-    /// use deflex_report::html::{PathKind, PathTrace};
-    ///
-    /// let mut trace = PathTrace::new(PathKind::Compensate, 1);
-    /// trace.extend(&corrected.rows);
-    /// trace.quote(|_, line| Some(format!("line {line} of the program")));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     pub fn quote(&mut self, mut line_of: impl FnMut(u32, u32) -> Option<String>) {
         self.parts.iter_mut().for_each(|(_, trace)| trace.quote(&mut line_of));
     }
@@ -178,11 +159,7 @@ impl PathTrace {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let cell = Cell::read(&Source::new("cell.toml", std::fs::read("../../samples/slot/cell.toml")?))?;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let (program, cell) = include!("../../../../tests/doc/slot.rs");
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// use deflex_correct::Summary;
 /// use deflex_report::html::{PathKind, PathPage, PathTrace};
