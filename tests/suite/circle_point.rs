@@ -78,7 +78,7 @@ fn a_circle_point_is_corrected_for_the_orientation_on_the_arc() {
 fn small_quarter(before: &str, [via, end]: [&str; 2], mode: &str) -> Program {
     let text = format!(
         "set_tcp(p[0, 0, 0.165, 0, 0, 0])\nset_payload(1.8, [0, 0, 0.07])\n\
-         movej(get_inverse_kin(p[0.48, -0.06, 0.14, {PI}, 0, 0], qnear=[0.0, -1.6, 1.9, -1.9, -1.57, 0.0]))\n# deflex cut\n\
+         movej(get_inverse_kin(p[0.48, -0.06, 0.14, {PI}, 0, 0], qnear=[0.25, -3.7, 2.0, 0.1, -1.57, 1.8]))\n# deflex cut\n\
          movel(p[0.58, 0, 0.09, {PI}, 0, 0], v=0.02)\n{before}\
          movec(p[0.566602540378, 0.05, 0.09, {via}], p[0.48, 0.1, 0.09, {end}], v=0.02{mode})\n"
     );

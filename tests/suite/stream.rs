@@ -274,7 +274,8 @@ fn a_prediction_along_the_driven_path_is_the_same_in_chunks() {
 
 #[test]
 fn refusals_and_failures_are_told_alike() {
-    let lines = vec![Line::Cut; SOME_CHUNKS.start];
+    // So many that the path ends out of reach.
+    let lines = vec![Line::Cut; 4 * SOME_CHUNKS.start];
     let text = program(&lines, "\n");
     // Out of reach from somewhere on; corrections beyond the limit everywhere; a force without a stiffness.
     let far = text.replace("40.000", "2840.000").replace(",-0.0", ",1900.0");

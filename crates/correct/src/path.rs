@@ -10,14 +10,14 @@ use super::mount::{Mount, Moved, Stand, is_entered_elsewhere};
 use super::point::{Point, tool_axis};
 use super::refusal::Refusal;
 use super::segment::Kind;
-use super::solve::controller_motor;
+use super::solve::bend;
 use super::spin;
 use super::travel::CHORD;
 use super::{Options, Prepared};
 use deflex_cell::Cell;
 use deflex_drive::Track;
 use deflex_effects::{Need, Parts, ToolFrame};
-use deflex_equilibrium::{Dragged, Setting, direction, turning};
+use deflex_equilibrium::{Dragged, Setting, direction};
 use deflex_lanes::WIDTH;
 use deflex_program::{ArcTurn, Editable, Goal, Language, Mark, Motion, Predecessor, Program, Reason, Role, Target};
 use deflex_robot::{
@@ -342,7 +342,7 @@ impl Walk<'_, '_> {
         let soon = if on_arc.is_none() { self.joints_soon((target, lane), &run_at) } else { None };
         let joints = match chosen {
             Some(Chosen { turn: Some(_), near, .. }) => self.joints_near(&run_at, &wobj_from_tcp, &near),
-            _ => soon.map_or_else(|| self.joints(target, &run_at, &wobj_from_tcp), Ok),
+            _ => soon.map_or_else(|| self.joints(target, stand, &run_at, &wobj_from_tcp), Ok),
         };
         let motor = match joints {
             Ok(motor) => motor,
@@ -541,18 +541,15 @@ impl Walk<'_, '_> {
 
     /// How the joints bend on the path to a target, rad; see [`Point::bend`].
     fn bend(&self, i: usize, place: (u32, &Stand), here: &Pose, motor: &Joints) -> Option<Box<Joints>> {
-        /// Share of the path over which the direction at its end is determined.
-        const LAST: f64 = 1.0 / 256.0;
         let (arm, (setting, stand)) = (&self.cell.arm, place);
-        if !arm.follows_travel() || self.program.targets[i].predecessor != Predecessor::Previous {
+        // Where units move, the direction is that of the whole path.
+        let is_known = self.program.targets[i].predecessor == Predecessor::Previous && stand.moved.is_none();
+        if !arm.follows_travel() || !is_known {
             return None;
         }
-        let near = self.carried.near?;
-        let (track, share) = self.track_to(i, place, here)?;
-        let pose = track.pose(share * (1.0 - LAST));
-        let before = controller_motor(&arm.robot, stand.setting(self.mount(setting)), &pose, motor)?;
-        let bend = motor - (motor - before) / LAST - near;
-        turning(&near, motor, &bend).is_some().then(|| Box::new(bend))
+        let track = self.track_to(i, place, here)?;
+        let from_to = [&self.carried.near?, motor];
+        bend(&arm.robot, stand.setting(self.mount(setting)), track, from_to).map(Box::new)
     }
 
     /// Whether the segment to a target begins at an unknown point.
@@ -628,6 +625,15 @@ impl Walk<'_, '_> {
     fn refuse(&mut self, target: &Target, code: &'static str, message: &str, help: &str) {
         self.ahead.forget_approaches();
         self.errors.push(self.program.error_at(target, code, message).help(help));
+    }
+
+    /// Whether a mechanical unit moves on the path to the present target.
+    fn units_move(&self, stand: &Stand) -> bool {
+        let same = |last: &Point| match (&last.moved, &stand.moved) {
+            (Some(from), Some(to)) => Arc::ptr_eq(from, to),
+            (from, to) => from.is_none() && to.is_none(),
+        };
+        self.last().is_some_and(|last| !same(last))
     }
 
     /// Position of the TCP at the point before, in the present work object, m; `None` if no unit has moved on the segment.
@@ -709,6 +715,7 @@ impl Walk<'_, '_> {
     fn joints(
         &mut self,
         target: &Target,
+        stand: &Stand,
         setting: &Setting,
         wobj_from_tcp: &Pose,
     ) -> Result<Joints, deflex_robot::Unreachable> {
@@ -731,7 +738,13 @@ impl Walk<'_, '_> {
         };
         match target.motion {
             Motion::Joint => robot.inverse_conf(base_from_flange, conf, &near),
-            _ if target.predecessor != Predecessor::Previous => robot.inverse_near(base_from_flange, &near),
+            // The path of the flange is known if it begins at the target before, no unit moves on it, and the tool does not turn freely.
+            _ if target.predecessor != Predecessor::Previous
+                || self.units_move(stand)
+                || matches!(self.carried.free, Free::Sought) =>
+            {
+                robot.inverse_near(base_from_flange, &near)
+            }
             // A stationary tool stands still while the flange moves.
             _ if setting.held => robot.inverse_along(&Pose::identity(), base_from_flange, &near),
             _ => robot.inverse_along(&setting.tool.flange_from_tcp, base_from_flange, &near),

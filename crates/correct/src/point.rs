@@ -39,7 +39,7 @@ pub struct Point {
     /// Direction of travel into the target with the joints as programmed, −1, 0, 1.
     pub travel: Joints,
     /// How the path to the target bends in the space of the joints, rad: its tangent at the target, over the whole length of the path, starts
-    /// so far from the motor angles at the previous target. `None` where no joint with lost motion turns back on the way.
+    /// so far from the motor angles at the previous target. `None` without lost motion, and where the joints do not bend.
     pub(super) bend: Option<Box<Joints>>,
     /// Surface normal, out of the material, work object axes.
     pub normal: Vector3<f64>,

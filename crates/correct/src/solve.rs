@@ -2,9 +2,10 @@
 
 use super::parallelism::{Answer, Answers, Parallelism, WorkspacePool};
 use super::{Correct, Prepared, frames};
+use deflex_drive::Track;
 use deflex_equilibrium::{
     Arm, Batch, Command, Dragged, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting, Settling,
-    Start, WarmStart,
+    Start, TRAVEL_THRESHOLD, WarmStart,
 };
 use deflex_program::{Editable, Language};
 use deflex_robot::{BatchArm, Joints, Pose, Robot, Unreachable, WrittenTarget, turn_between};
@@ -310,6 +311,21 @@ pub(super) fn controller_joints(
 /// Motor angles of the controller for a pose, near known angles, without regard to axis limits; `None` if out of reach.
 pub(super) fn controller_motor(robot: &Robot, setting: &Setting, pose: &Pose, near: &Joints) -> Option<Joints> {
     robot.inverse_near_unlimited(&setting.base_from_flange(pose), near).ok()
+}
+
+/// How the joints bend on the path from motor angles to others (rad), which is this share of a track; see [`Point::bend`](super::Point). `None`
+/// where they do not bend.
+pub(super) fn bend(
+    robot: &Robot,
+    setting: &Setting,
+    (track, share): (Track, f64),
+    [from, to]: [&Joints; 2],
+) -> Option<Joints> {
+    /// Share of the path over which the direction at its end is determined.
+    const LAST: f64 = 1.0 / 256.0;
+    let before = controller_motor(robot, setting, &track.pose(share * (1.0 - LAST)), to)?;
+    let bend = to - (to - before) / LAST - from;
+    (bend.amax() > TRAVEL_THRESHOLD).then_some(bend)
 }
 
 /// A pose as the controller of the posted program stores it: position, mm, and orientation, scalar first.

@@ -9,7 +9,8 @@ use deflex_effects::{ParameterOwner, Presliding};
 use deflex_robot::Joints;
 
 /// Commanded motions smaller than this count as a stop, rad (`docs/effects.md`).
-pub(crate) const TRAVEL_THRESHOLD: f64 = 1e-7;
+#[doc(hidden)]
+pub const TRAVEL_THRESHOLD: f64 = 1e-7;
 
 impl Arm {
     /// Travel of each joint after a motion to commanded motor angles and twists of the gears, rad, −1 to 1: the share of the lost motion that
@@ -132,8 +133,7 @@ pub fn direction(from: &Joints, to: &Joints, held: &Joints) -> Joints {
 /// joint does. `bend` is how far from `from` the tangent at the end of the path, over the whole length of the path, starts: the joints follow
 /// the parabola through both ends with this tangent.
 #[must_use]
-#[doc(hidden)]
-pub fn turning(from: &Joints, to: &Joints, bend: &Joints) -> Option<Joints> {
+pub(crate) fn turning(from: &Joints, to: &Joints, bend: &Joints) -> Option<Joints> {
     let mut back = *from;
     for i in 0..6 {
         // The angle is to + end · (s − 1) − bend · (s − 1)² at a share s of the path, with the slope `start` at s = 0.

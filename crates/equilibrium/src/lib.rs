@@ -25,7 +25,7 @@ pub use arm::Arm;
 pub use batch::{Batch, Given, Nearby, Room, Settled};
 pub use block::{Setting, Site};
 pub use command::{Command, InverseSolution, Start};
-pub use friction::{Dragged, Settling, direction, turning};
+pub use friction::{Dragged, Settling, TRAVEL_THRESHOLD, direction};
 pub(crate) use number::Number;
 pub use predict::{Equilibrium, Load, PredictedPose, WarmStart};
 

@@ -83,6 +83,15 @@ pub struct FailureLine {
 
 impl FileSummary {
     /// The summary of a run.
+    ///
+    /// # Examples
+    /// ```
+    /// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+    /// let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
+    /// let summary = deflex_report::FileSummary::new("slot.mod", &corrected);
+    /// assert!(summary.counts.corrected > 0);
+    /// # Ok::<(), deflex_text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn new(path: &str, corrected: &Corrected) -> Self {
         let sum = Summary::of(&corrected.rows).with_inserted(corrected.inserted);

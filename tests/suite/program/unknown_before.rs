@@ -176,9 +176,9 @@ fn lost_motion_has_the_direction_in_which_a_joint_arrives() {
         let cell = cell(&(arm.clone() + backlash + presliding));
         let y = |y: f64| [0.0, 250.0 + y, 0.0];
         let rows = rows(&lines(&[y(-310.0), y(-300.0), y(290.0), y(300.0)]), &cell);
-        let sideways = |i: usize| rows[i].correction_mm[0];
-        assert!((sideways(2) - sideways(3)).abs() < 0.01, "{rows:?}");
-        assert!((sideways(1) - sideways(2)).abs() > 0.05, "{rows:?}");
+        let upwards = |i: usize| rows[i].correction_mm[2];
+        assert!((upwards(2) - upwards(3)).abs() < 0.01, "{rows:?}");
+        assert!((upwards(1) - upwards(2)).abs() > 0.05, "{rows:?}");
         // The corrected program is judged by the same rule on its own paths.
         assert!(rows[2].remaining_mm.iter().all(|left| left.abs() < 1e-3), "{rows:?}");
     }

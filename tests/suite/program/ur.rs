@@ -140,7 +140,7 @@ fn cell(more: &str) -> Cell {
 
 /// A short path in a feature of the table.
 const PATH: &str = "def m():\n  set_tcp(p[0, 0, 0.15, 0, 0, 0])\n  set_payload(1.5, [0, 0, 0.05])\n  f = p[0.5, -0.2, 0.1, 0, 0, 0]\n\
-    \x20 movej(get_inverse_kin(p[0.5, -0.2, 0.2, 3.141593, 0, 0], qnear=[0, -1.6, 1.9, -1.9, -1.57, 0]))\n\
+    \x20 movej(get_inverse_kin(p[0.5, -0.2, 0.2, 3.141593, 0, 0], qnear=[-0.05, -3.62, 1.9, 0.15, -1.57, 1.52]))\n\
     \x20 movel(pose_trans(f, p[0.00, 0.00, 0.01, 3.141593, 0, 0]), v=0.1)\n\
     \x20 movel(pose_trans(f, p[0.10, 0.00, 0.01, 3.141593, 0, 0]), v=0.02)\n\
     \x20 movel(pose_trans(f, p[0.10, 0.05, 0.01, 3.141593, 0, 0]), v=0.02)\nend\nm()\n";
@@ -162,7 +162,7 @@ fn what_is_corrected_lands_and_is_what_rapid_gets() {
     let mut module =
         "MODULE M\nPERS tooldata t:=[TRUE,[[0,0,150],[1,0,0,0]],[1.5,[0,0,50],[1,0,0,0],0,0,0]];\nPROC main()\n"
             .to_owned();
-    let start = "MoveAbsJ [[0,-91.673,108.862,-108.862,-89.954,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,t;\n";
+    let start = "MoveAbsJ [[-2.865,-207.41,108.862,8.594,-89.954,87.09],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,t;\n";
     module += start;
     for target in &program.targets {
         let Goal::Pose { position_mm: [x, y, z], quat: [a, b, c, d], .. } = target.goal else { panic!() };
