@@ -534,6 +534,8 @@ fn fit_with(robot: &Robot, runs: &[(usize, Run<'_>)], of_axes: OfAxes) -> Result
         });
         Ok(DVector::from_vec(rows.chain(numbers.iter().copied()).collect()))
     };
+    /// Dampings that are tried, each eight times the one before. The last one shortens the first step to less than a ten-thousandth.
+    const DAMPINGS: usize = 10;
     // Both averages begin with a width of their own: with equal widths, the two could not be distinguished.
     let mut numbers = DVector::zeros(NUMBERS);
     (numbers[1], numbers[2]) = (0.1, -0.1);
@@ -550,7 +552,7 @@ fn fit_with(robot: &Robot, runs: &[(usize, Run<'_>)], of_axes: OfAxes) -> Result
         let jacobian = DMatrix::from_columns(&columns?);
         let (normal, gradient) = (jacobian.tr_mul(&jacobian), jacobian.tr_mul(&here));
         let mut gained = 0.0;
-        for _ in 0..6 {
+        for _ in 0..DAMPINGS {
             let mut damped = normal.clone();
             for i in 0..NUMBERS {
                 damped[(i, i)] *= 1.0 + damping;

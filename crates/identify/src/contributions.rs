@@ -1,6 +1,6 @@
 //! The effects of the extended cell: what each explains, its numbers with their uncertainty, and its table.
 
-use super::candidate::{Home, fitted, with};
+use super::candidate::{Home, fitted};
 use super::data::Observation;
 use super::decisions::{EVEN, MENTIONED, NAMED};
 use super::engine::Engine;
@@ -104,7 +104,8 @@ impl Engine {
             }
             let others = self.chosen.iter().filter(|&&o| o != c).map(|&o| &self.candidates[o]);
             let others: Vec<(&Home, &[f64])> = others.map(|other| (&other.home, &other.values[..])).collect();
-            let without = self.problem.residual(&with(&self.declared, &others)) - &clampings;
+            // The map stays, because `after` has it too.
+            let without = self.problem.residual(&self.arm_of(&others)) - &clampings;
             let alone = (self.errors(&without, held_out).rms_mm, with_all_mm);
             let (without_mm, with_mm) = stages.get(n).copied().unwrap_or(alone);
             let share_mm = self.errors(&(&without - after), held_out).rms_mm;

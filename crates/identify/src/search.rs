@@ -327,14 +327,14 @@ impl<'a> Search<'a> {
             moves.extend(self.with_faults(&without, &|_| true).into_iter().map(|(_, set)| set));
             moves.push(without);
         }
+        moves.retain(|set| !self.is_far_below(own, set));
+        let weighed: Vec<(f64, Vec<usize>)> = moves.into_iter().map(|set| (self.objective(&set), set)).collect();
+        // Weights are relative to the most probable set: `set` itself may be far below it.
+        let most = weighed.iter().fold(f64::NEG_INFINITY, |most, (value, _)| most.max(*value));
         let mut by_names: BTreeMap<Vec<&str>, (f64, f64, Vec<usize>)> = BTreeMap::new();
         let mut total = 0.0;
-        for set in moves {
-            if self.is_far_below(own, &set) {
-                continue;
-            }
-            let value = self.objective(&set);
-            let weight = ((value - own.0) / caution).min(50.0).exp();
+        for (value, set) in weighed {
+            let weight = ((value - most) / caution).exp();
             total += weight;
             let entry = by_names.entry(self.names(&set)).or_insert((0.0, f64::NEG_INFINITY, Vec::new()));
             entry.0 += weight;

@@ -98,7 +98,7 @@ fn krl_data_that_change_under_another_name_are_unknown() {
 fn a_whole_component_of_a_structure_keeps_its_number() {
     let data = |kind: &str| format!("STRUC PT {kind} X,Y,Z\nDECL PT G[1]\nG[1]={{X 10,Y 20,Z 30}}\n");
     let body = "F={X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 180.0}\nF.X=G[1].X\nF.Y=G[1].Y\nF.Z=G[1].Z\nLIN F\n";
-    let position = |program: &Program| program.targets[0].editable.clone();
+    let position = |program: &Program| program.targets[0].editable;
     assert_ne!(
         position(&krl_program(body, &data("INT"), Vec::new())),
         position(&krl_program(body, &data("REAL"), Vec::new()))
