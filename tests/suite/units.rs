@@ -111,6 +111,12 @@ fn corrected(program: &Program, cell: &Cell) -> Corrected {
     corrected
 }
 
+/// The cell without lost motion, which has the sign of the net motion of a joint where the cell has units, and of its arrival elsewhere.
+pub(crate) fn without_lost_motion(mut cell: Cell) -> Cell {
+    cell.arm.effects.retain(|effect| effect.kind() != "backlash");
+    cell
+}
+
 /// Both come to the same, to 1e-9 mm.
 pub(crate) fn same(a: &Corrected, b: &Corrected) {
     assert_eq!(a.rows.len(), b.rows.len());

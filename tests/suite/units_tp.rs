@@ -1,6 +1,6 @@
 //! Motion groups of FANUC TP: what a positioner means, against the same path in a frame that stands, and in RAPID.
 
-use crate::units::{TABLE, cell, same};
+use crate::units::{TABLE, cell, same, without_lost_motion};
 use deflex::cell::Cell;
 use deflex::correct::{Corrected, Options, Status, compensate};
 use deflex::program::orientation::{from_zyx_deg, quaternion};
@@ -84,13 +84,14 @@ fn a_positioner_that_stands_is_a_turned_user_frame() {
         "[wobjs.\"UF 1\"]\nuframe_mm = [{}, {}, {}]\nuframe_quat = [{}, {}, {}, {}]\n",
         p.x, p.y, p.z, q.w, q.i, q.j, q.k
     );
-    let plain = of(&ls("", |_| String::new()), &cell([0.0; 3], &format!("{TOOL}{turned}")));
+    let rigid = |more: &str| without_lost_motion(cell([0.0; 3], more));
+    let plain = of(&ls("", |_| String::new()), &rigid(&format!("{TOOL}{turned}")));
     let standing = |_| "GP2: UF : 1, UT : 1, J1 = 25.000 deg".to_owned();
     for option in ["", "COORD"] {
-        same(&of(&ls(option, standing), &cell([0.0; 3], &format!("{}{TOOL}{ON_TABLE}", group_table()))), &plain);
+        same(&of(&ls(option, standing), &rigid(&format!("{}{TOOL}{ON_TABLE}", group_table()))), &plain);
     }
     // A user frame that the controller does not let move along: whatever stands on the unit.
-    same(&of(&ls("", standing), &cell([0.0; 3], &format!("{}{TOOL}{turned}", group_table()))), &plain);
+    same(&of(&ls("", standing), &rigid(&format!("{}{TOOL}{turned}", group_table()))), &plain);
 }
 
 #[test]
