@@ -542,7 +542,7 @@ impl Walk<'_, '_> {
     /// How the joints bend on the path to a target, rad; see [`Point::bend`].
     fn bend(&self, i: usize, place: (u32, &Stand), here: &Pose, motor: &Joints) -> Option<Box<Joints>> {
         let (arm, (setting, stand)) = (&self.cell.arm, place);
-        // Where units move, the direction is that of the whole path.
+        // With units in the cell, the direction is that of the whole path.
         let is_known = self.program.targets[i].predecessor == Predecessor::Previous && stand.moved.is_none();
         if !arm.follows_travel() || !is_known {
             return None;

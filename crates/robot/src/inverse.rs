@@ -33,12 +33,12 @@ pub enum Unreachable {
     Limit(#[from] LimitViolation),
 }
 
-/// Whether no axis turns by more than an eighth of a turn between two sets of motor angles (rad). Two solutions of a wrist differ by half a
-/// turn of its first axis, so that the one that is reached is then the nearer one.
+/// Whether no axis turns by more than a 32nd of a turn between two sets of motor angles (rad). Away from singular postures, other solutions
+/// are farther away, so that the nearest one is the one that the arm reaches.
 #[must_use]
 #[doc(hidden)]
 pub fn is_close(motor: &Joints, near: &Joints) -> bool {
-    (motor - near).amax() < TAU / 8.0
+    (motor - near).amax() < TAU / 32.0
 }
 
 impl Robot {

@@ -106,6 +106,6 @@ mod tests {
         assert_eq!(at_turn(10.0, 50.0, false), b"z1"); // 0.044 mm
         assert_eq!(at_turn(90.0, 0.2, false), b"z0"); // no more than 0.1/2·sin 45° = 0.035 mm
         assert_eq!(at_turn(90.0, 50.0, true), FINE); // a retraction may begin in a hole
-        assert_eq!(at_turn(1.0, 50.0, true), b"z20"); // 20/2·sin 0.5° = 0.087 mm without the limit of the tolerance
+        assert_eq!(at_turn(1.0, 50.0, true), b"z10"); // 10/2·sin 0.5° = 0.044 mm
     }
 }
