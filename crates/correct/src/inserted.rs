@@ -6,7 +6,7 @@ use super::deviation::{Node, WalkedPath};
 use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
-use super::solve::{Last, Solver, bend, controller_motor};
+use super::solve::{Last, PathTo, Solver, bend, controller_motor};
 use deflex_drive::Track;
 use deflex_equilibrium::{Arm, Dragged, WarmStart};
 use deflex_program::{Program, Role};
@@ -160,7 +160,7 @@ impl Stops {
             let bend_of_part = |last: &Last, motor: &Joints| {
                 let from = last.as_ref().filter(|_| is_line)?.motor;
                 let [start, pose] = [&from, motor].map(|motor| setting.wobj_from_tcp(&arm.robot.forward(motor)));
-                bend(&arm.robot, setting, (Track::line(&start, &pose), 1.0), [&from, motor])
+                bend(&arm.robot, setting, &PathTo { track: Track::line(&start, &pose), share: 1.0 }, [&from, motor])
             };
             let mut bend_here = point.bend.as_deref().copied();
             while let Some(stop) = self.all.get_mut(next).filter(|stop| stop.before <= end) {

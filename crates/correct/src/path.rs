@@ -10,7 +10,7 @@ use super::mount::{Mount, Moved, Stand, is_entered_elsewhere};
 use super::point::{Point, tool_axis};
 use super::refusal::Refusal;
 use super::segment::Kind;
-use super::solve::bend;
+use super::solve::{PathTo, bend};
 use super::spin;
 use super::travel::CHORD;
 use super::{Options, Prepared};
@@ -485,12 +485,12 @@ impl Walk<'_, '_> {
 
     /// The pose on the arc to target `end`, at the circle point or at the end; `None` if the start of the arc is unknown.
     fn pose_on_arc(&self, end: usize, place: (u32, &Stand), here: &Pose, turn: ArcTurn) -> Option<Pose> {
-        let (arc, share) = self.arc_to(end, place, here, turn)?;
-        Some(Pose { rotation: arc.pose(share).rotation, ..*here })
+        let PathTo { track, share } = self.arc_to(end, place, here, turn)?;
+        Some(Pose { rotation: track.pose(share).rotation, ..*here })
     }
 
-    /// The arc to target `end`, and the share of it at the circle point or at the end, whichever is `here`; `None` if its start is unknown.
-    fn arc_to(&self, end: usize, place: (u32, &Stand), here: &Pose, turn: ArcTurn) -> Option<(Track, f64)> {
+    /// The arc to target `end`, up to the circle point or the end, whichever is `here`; `None` if its start is unknown.
+    fn arc_to(&self, end: usize, place: (u32, &Stand), here: &Pose, turn: ArcTurn) -> Option<PathTo> {
         let [via, to] = [end - 1, end].map(|i| &self.program.targets[i]);
         let is_end = self.points.len() == end;
         let start = self.start(self.points[..self.points.len() - usize::from(is_end)].last(), place)?;
@@ -502,17 +502,19 @@ impl Walk<'_, '_> {
         let arc = Track::arc(&start, &circle, &to_pose, turn);
         let arc = if self.program.language.about().chooses_turn { arc } else { arc.by_shorter_turn() };
         let share = if is_end { arc.via().map(|_| 1.0) } else { arc.via() };
-        let known = share.filter(|_| via.predecessor == Predecessor::Previous)?;
-        Some((arc, known))
+        let share = share.filter(|_| via.predecessor == Predecessor::Previous)?;
+        Some(PathTo { track: arc, share })
     }
 
-    /// The path to a target that is known to be `here`, and the share of it at the target: less than 1 at a circle point. `None` for joint
+    /// The path to a target that is known to be `here`. `None` for joint
     /// motions, and if the start of the path is unknown.
-    fn track_to(&self, i: usize, place: (u32, &Stand), here: &Pose) -> Option<(Track, f64)> {
+    fn path_to(&self, i: usize, place: (u32, &Stand), here: &Pose) -> Option<PathTo> {
         let turn = |end: usize| arc_turn(self.program, self.cell, &self.program.targets[end]);
         match Kind::of(self.program, i) {
             Kind::Joint => None,
-            Kind::Line => Some((Track::line(&self.start(self.points.last(), place)?, here), 1.0)),
+            Kind::Line => {
+                Some(PathTo { track: Track::line(&self.start(self.points.last(), place)?, here), share: 1.0 })
+            }
             Kind::Arc => self.arc_to(i, place, here, turn(i)),
             Kind::Point => self.arc_to(i + 1, place, here, turn(i + 1)),
         }
@@ -547,9 +549,9 @@ impl Walk<'_, '_> {
         if !arm.follows_travel() || !is_known {
             return None;
         }
-        let track = self.track_to(i, place, here)?;
+        let path = self.path_to(i, place, here)?;
         let from_to = [&self.carried.near?, motor];
-        bend(&arm.robot, stand.setting(self.mount(setting)), track, from_to).map(Box::new)
+        bend(&arm.robot, stand.setting(self.mount(setting)), &path, from_to).map(Box::new)
     }
 
     /// Whether the segment to a target begins at an unknown point.

@@ -313,12 +313,20 @@ pub(super) fn controller_motor(robot: &Robot, setting: &Setting, pose: &Pose, ne
     robot.inverse_near_unlimited(&setting.base_from_flange(pose), near).ok()
 }
 
-/// How the joints bend on the path from motor angles to others (rad), which is this share of a track; see [`Point::bend`](super::Point). `None`
+/// A path to a target.
+pub(super) struct PathTo {
+    /// The line, or the whole arc.
+    pub(super) track: Track,
+    /// Share of the track at the target: less than 1 at a circle point.
+    pub(super) share: f64,
+}
+
+/// How the joints bend on a path from motor angles to others (rad); see [`Point::bend`](super::Point). `None`
 /// where they do not bend.
 pub(super) fn bend(
     robot: &Robot,
     setting: &Setting,
-    (track, share): (Track, f64),
+    PathTo { track, share }: &PathTo,
     [from, to]: [&Joints; 2],
 ) -> Option<Joints> {
     /// Share of the path over which the direction at its end is determined.
