@@ -57,11 +57,11 @@ pub(super) fn run(args: &Check) -> Outcome {
         each(jobs, (args.common.quiet, args.reports.keep_going), failed, |job, bar| one(args, &batch, job, bar))
             .map_err(|errors| setup.failed(errors))?;
     let (mut files, mut rows, mut paths) = (Vec::new(), Vec::new(), Vec::new());
-    let mut said = setup.notes();
+    let mut printed = setup.notes();
     for Checked { file, outputs: staged, rows: report, path, notes } in checked {
         // Faults of the path between targets become findings below, so the notes about them are left out.
-        let is_new = |note: &Diagnostic| !WayFault::is_code(note.code) && !said.contains(note);
-        said.extend(notes.into_iter().filter(is_new).collect::<Vec<_>>());
+        let is_new = |note: &Diagnostic| !WayFault::is_code(note.code) && !printed.contains(note);
+        printed.extend(notes.into_iter().filter(is_new).collect::<Vec<_>>());
         outputs.append(staged)?;
         files.push(file);
         rows.extend(report);
@@ -86,7 +86,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     let page = PathPage { kind: PathKind::Check, cell: &cell, programs: &paths, scene, tolerance_mm };
     outputs.add_report(args.reports.html.as_ref(), || Ok(page.html()))?;
     outputs.commit()?;
-    message::print(&setup.cell.own(said), args.common.quiet);
+    message::print(&setup.cell.own(printed), args.common.quiet);
     if has_report && !args.common.quiet {
         message::say(&[text]);
     }
@@ -262,8 +262,8 @@ fn whole(args: &Check, batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result
 /// One warning for each reason for which targets were not judged.
 fn not_judged<'a>(name: &'a str, judgement: &'a Judgement) -> impl Iterator<Item = Diagnostic> + 'a {
     judgement.unjudged.iter().filter(|unjudged| unjudged.reason != KeptReason::ProgramRefused).map(move |unjudged| {
-        let said = Diagnostic::error("check.not-judged", name, format!("not judged: {}", kept_text(unjudged)));
-        said.severity(Severity::Warning).help(match judgement.allows_unjudged {
+        let diagnostic = Diagnostic::error("check.not-judged", name, format!("not judged: {}", kept_text(unjudged)));
+        diagnostic.severity(Severity::Warning).help(match judgement.allows_unjudged {
             true => "`deflex predict --report` names their lines",
             false => "declare in the cell what is missing; or let them pass unjudged with `--allow-unjudged`",
         })

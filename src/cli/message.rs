@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn repeated_messages_are_said_once_with_a_count() {
+    fn repeated_messages_are_printed_once_with_a_count() {
         let mut all = Vec::new();
         for line in 1..=20 {
             for message in ["fx_n is `a`".to_owned(), format!("target {line} is not reached")] {
@@ -193,10 +193,10 @@ mod tests {
                 all.push(diagnostic);
             }
         }
-        let said: Vec<String> = once(all.iter()).into_iter().map(|diagnostic| diagnostic.message).collect();
-        assert_eq!(said.len(), 7);
-        assert_eq!(said[0], "fx_n is `a` (20 times, lines 1, 2, 3, 4, 5, 6, 7, 8, …)");
-        assert_eq!(said[6], "target 6 is not reached (and 14 more like it, lines 6, 7, 8, 9, 10, 11, 12, 13, …)");
+        let messages: Vec<String> = once(all.iter()).into_iter().map(|diagnostic| diagnostic.message).collect();
+        assert_eq!(messages.len(), 7);
+        assert_eq!(messages[0], "fx_n is `a` (20 times, lines 1, 2, 3, 4, 5, 6, 7, 8, …)");
+        assert_eq!(messages[6], "target 6 is not reached (and 14 more like it, lines 6, 7, 8, 9, 10, 11, 12, 13, …)");
     }
 
     #[test]
@@ -205,8 +205,8 @@ mod tests {
         let diagnostic = Diagnostic::error("rapid.unknown", "", "`\u{9b}2J` is not declared")
             .at(&source, Span::new(8, 14))
             .help("declare `\u{1b}c`");
-        let said = render(&diagnostic, false);
-        assert!(!said.contains(['\u{1b}', '\u{7}', '\u{9b}', '\u{202e}']), "{said:?}");
+        let rendered = render(&diagnostic, false);
+        assert!(!rendered.contains(['\u{1b}', '\u{7}', '\u{9b}', '\u{202e}']), "{rendered:?}");
         assert!(!diagnostic.to_string().contains(|c: char| c.is_control()));
     }
 

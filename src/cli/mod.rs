@@ -129,8 +129,8 @@ fn old_spellings(args: &[OsString], command: &Command) -> Vec<Diagnostic> {
         }
         _ => "write --input-format",
     };
-    let said = Diagnostic::error("usage.format", "", "--format is an old name of this option, and still works");
-    vec![said.severity(Severity::Note).help(help)]
+    let note = Diagnostic::error("usage.format", "", "--format is an old name of this option, and still works");
+    vec![note.severity(Severity::Note).help(help)]
 }
 
 /// The options that all runs have, if the command has them.

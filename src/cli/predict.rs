@@ -30,9 +30,9 @@ pub(super) fn run(args: &Predict) -> Outcome {
     let mut reports = args.reports.clone();
     let path_to_stdout = to_stdout([args.path.as_ref()]);
     // A table of rows is for files and pipes. On a terminal a person sees only the worst rows.
-    let is_asked = reports.report.is_some() || reports.to_stdout() + path_to_stdout > 0;
-    let is_read = !is_asked && stdout().is_terminal();
-    if !is_asked && !is_read {
+    let is_wanted = reports.report.is_some() || reports.to_stdout() + path_to_stdout > 0;
+    let is_read = !is_wanted && stdout().is_terminal();
+    if !is_wanted && !is_read {
         reports.report = Some(PathBuf::from("-"));
     }
     one_thing(reports.to_stdout() + path_to_stdout)?;

@@ -154,8 +154,8 @@ fn corrected_nothing(summary: &FileSummary) -> Option<Diagnostic> {
             },
         ),
     };
-    let said = Diagnostic::error("compensate.nothing", &summary.path, format!("nothing was corrected; {why}"));
-    Some(said.severity(severity).help(help))
+    let diagnostic = Diagnostic::error("compensate.nothing", &summary.path, format!("nothing was corrected; {why}"));
+    Some(diagnostic.severity(severity).help(help))
 }
 
 /// Gathers the results of the programs, writes the files, and prints the summary.

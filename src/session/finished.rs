@@ -34,14 +34,14 @@ impl Finished {
             return Err(corrected.failures);
         }
         noticed.take(&corrected.rows);
-        let said = noticed.notes(name)?;
+        let of_rows = noticed.notes(name)?;
         let summary = FileSummary::new(name, &corrected);
         let rows = Rows::new(&corrected.rows);
         if let Some(path) = &mut path {
             rows.draw(path, &corrected.rows);
             path.quote(|target, _| program.line_of(target));
         }
-        let notes = corrected.notes.into_iter().chain(said).collect();
+        let notes = corrected.notes.into_iter().chain(of_rows).collect();
         Ok(Self { rows, summary, notes, path, digest: noticed.into_digest() })
     }
 }

@@ -120,10 +120,10 @@ fn every_unknown_key_is_named_with_the_nearest() {
     let errors =
         read("[robot]\nmodel = \"irb6660-205-1.9\"\nbase_m = [0, 0, 0]\nstart = 3\n[limits]\nmax_stp_mm = 1\n")
             .unwrap_err();
-    let told: Vec<(usize, &str)> = errors.iter().map(|e| (e.line, e.help.as_deref().unwrap_or(""))).collect();
-    assert_eq!(told.len(), 3, "{errors:?}");
-    assert_eq!((told[0].0, told[0].1), (3, "did you mean `base_mm`?"));
-    assert_eq!((told[2].0, told[2].1), (6, "did you mean `max_step_mm`?"));
+    let lines_and_help: Vec<(usize, &str)> = errors.iter().map(|e| (e.line, e.help.as_deref().unwrap_or(""))).collect();
+    assert_eq!(lines_and_help.len(), 3, "{errors:?}");
+    assert_eq!((lines_and_help[0].0, lines_and_help[0].1), (3, "did you mean `base_mm`?"));
+    assert_eq!((lines_and_help[2].0, lines_and_help[2].1), (6, "did you mean `max_step_mm`?"));
 }
 
 #[test]

@@ -346,8 +346,11 @@ fn subdivided_programs_cut_true_between_their_targets() {
         let programmed = moves(&text);
         let [between, after] = [&sparse_text, &dense_text].map(|text| Walk::of(&moves(text), &programmed));
         for (corrected, walked) in [(&sparse, between.rms()), (&dense, after.rms())] {
-            let told = Summary::of(&corrected.rows).remaining_path_rms_mm;
-            assert!((told - walked).abs() < 0.02 * told + 0.003, "{name}: told {told}, walked {walked}");
+            let reported = Summary::of(&corrected.rows).remaining_path_rms_mm;
+            assert!(
+                (reported - walked).abs() < 0.02 * reported + 0.003,
+                "{name}: reported {reported}, walked {walked}"
+            );
         }
         assert!(after.rms() <= 0.012 && after.most() <= 0.02, "{name}: {} {}", after.rms(), after.most());
     }

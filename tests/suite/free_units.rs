@@ -227,7 +227,7 @@ fn rewritten(program: &Program, corrected: &Corrected) -> Program {
 }
 
 #[test]
-fn written_axes_of_rapid_go_only_where_asked_and_are_free() {
+fn written_axes_of_rapid_go_only_where_chosen_and_are_free() {
     let cell = cell("spin = \"fixed\"\n", &free(TRACK));
     let program = in_rapid(|_| None);
     let as_written = compensate(&program, &cell, &Options::default()).unwrap();
@@ -277,7 +277,7 @@ fn what_cannot_be_free_is_refused() {
 }
 
 #[test]
-fn a_gain_is_told_of_targets_that_both_turns_reach() {
+fn a_gain_counts_targets_that_both_turns_reach() {
     let mut seen = [false; 3];
     for turn in (0..360).step_by(60) {
         let cell = cell(&format!("spin = \"stiffest\"\nspin_deg = {turn}\n"), FIXED);

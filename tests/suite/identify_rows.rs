@@ -36,17 +36,20 @@ fn found_by(cell: &Cell, program: Program, table: Table) -> Result<Identificatio
 #[test]
 fn progress_rises_and_calls_the_run_off() {
     let cell = Cell::read(&source(&folder().join("cell.toml"))).unwrap();
-    let told = std::sync::Mutex::new(Vec::new());
+    let shares = std::sync::Mutex::new(Vec::new());
     let progress = |share: f64| {
-        let mut told = told.lock().unwrap();
-        told.push(share);
-        told.len() < 3
+        let mut shares = shares.lock().unwrap();
+        shares.push(share);
+        shares.len() < 3
     };
     let runs = vec![(program(), table(16)).into()];
     let input = Input { runs, progress: &progress, ..no_data(&cell) };
     assert_eq!(identify(input).unwrap_err()[0].code, "run.called-off");
-    let told = told.lock().unwrap();
-    assert!(told.len() == 3 && told.is_sorted() && told.iter().all(|share| (0.01..1.0).contains(share)), "{told:?}");
+    let shares = shares.lock().unwrap();
+    assert!(
+        shares.len() == 3 && shares.is_sorted() && shares.iter().all(|share| (0.01..1.0).contains(share)),
+        "{shares:?}"
+    );
 }
 
 /// Rows that name where they were taken instead of their targets: points so far above the path.
@@ -74,7 +77,7 @@ fn rows_that_name_a_place_belong_to_the_target_there() {
 }
 
 #[test]
-fn a_place_between_targets_is_on_the_way_and_one_that_is_passed_twice_is_asked_for() {
+fn a_place_between_targets_is_on_the_way_and_one_that_is_passed_twice_is_an_error() {
     let text = |last: &str| {
         let line = |mm: &str| {
             format!("MoveL [[{mm}],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v20,fine,tMill\\WObj:=wPart;\n")

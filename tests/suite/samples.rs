@@ -121,7 +121,7 @@ fn the_stiffness_of_a_joint_model_is_that_of_its_jacobian() {
 }
 
 #[test]
-fn sigma_is_told_at_the_ends_of_arcs_too() {
+fn sigma_is_reported_at_the_ends_of_arcs_too() {
     let slot = String::from_utf8(source("slot/slot.mod").bytes.to_vec()).unwrap();
     let mut moves = slot.lines().filter_map(|line| line.trim().strip_prefix("MoveL "));
     let [from, via, to, on] = std::array::from_fn(|_| moves.next().unwrap());

@@ -273,7 +273,7 @@ fn a_prediction_along_the_driven_path_is_the_same_in_chunks() {
 }
 
 #[test]
-fn refusals_and_failures_are_told_alike() {
+fn refusals_and_failures_are_reported_alike() {
     // So many that the path ends out of reach.
     let lines = vec![Line::Cut; 4 * SOME_CHUNKS.start];
     let text = program(&lines, "\n");
@@ -326,14 +326,14 @@ fn what_only_the_whole_tells_is_not_streamed() {
 
 /// An external axis that the program uses late, and the cell has no unit for.
 #[test]
-fn loads_that_are_not_weighed_are_told_alike() {
+fn loads_that_are_not_weighed_are_reported_alike() {
     let heavy = cell(CELL);
     let text = program(&[Line::Cut; SOME_CHUNKS.start], "\n");
     let gripped = text.replacen("  PROC main()\n", "  PROC main()\n    GripLoad tMillLoad;\n", 1);
     let own = text.replace(",tMill\\WObj:=wPart", ",tMill\\WObj:=wPart\\TLoad:=tMillLoad");
     for text in [gripped, own] {
         let notes = whole(&text, &heavy, &Options::default()).unwrap().notes;
-        assert_eq!(notes.iter().filter(|told| told.code == "rapid.load").count(), 1);
+        assert_eq!(notes.iter().filter(|note| note.code == "rapid.load").count(), 1);
         assert!(streamed(&text, &heavy, &Options::default(), 2).is_some(), "it streams");
         agree(&text, &heavy, &Options::default()).unwrap();
     }

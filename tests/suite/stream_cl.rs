@@ -357,7 +357,7 @@ fn a_file_without_feed_or_unit_or_tool_is_refused_alike() {
     let no_unit = cell(&CELL.replace("units = \"mm\"\n", ""));
     assert!(
         streamed(&without("UNITS/MM\n"), &no_unit, None, &Options::default(), 300, 2).is_none(),
-        "told by whoever reads it whole"
+        "the reader of the whole text reports it"
     );
 }
 

@@ -231,7 +231,7 @@ fn gcd(a: usize, b: usize) -> usize {
 }
 
 #[test]
-fn a_target_out_of_reach_is_told_alike() {
+fn a_target_out_of_reach_is_reported_alike() {
     let text = program(SOME.start, 1, "\n");
     let far = text.replace("p1001:=[[100.100", "p1001:=[[9100.100");
     assert_ne!(far, text);

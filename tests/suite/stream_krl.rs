@@ -229,7 +229,7 @@ fn units_that_move_or_stand_give_the_same_in_chunks() {
 
 /// Frames as numbers in the program, as post-processors write them. No mass of the tool is stated, which one note says.
 #[test]
-fn a_tool_without_a_load_is_told_once_in_chunks_too() {
+fn a_tool_without_a_load_is_reported_once_in_chunks_too() {
     let text = program(&[Line::Cut; 200]);
     let text = text.replace("$BASE=BASE_DATA[2]", "$BASE={X 1100,Y -150,Z 300,A 0,B 0,C 0}");
     let text = text.replace("$TOOL=TOOL_DATA[3]", "$TOOL={X 10,Y -20,Z 200,A 0,B 0,C 0}");
@@ -255,7 +255,7 @@ fn what_only_the_whole_tells_is_read_whole() {
         let at = text.match_indices("  LIN").nth(40).unwrap().0;
         format!("{}{line}\n{}", &text[..at], &text[at..])
     };
-    let behind = |line: &str| text.replace("END\n", &format!("{line}\nEND\n"));
+    let after_the_end = |line: &str| text.replace("END\n", &format!("{line}\nEND\n"));
     let mut held = 0;
     for other in [
         // Other statements, partial positions, named points, axes, status.
@@ -270,7 +270,7 @@ fn what_only_the_whole_tells_is_read_whole() {
         in_the_middle("  ; one\r  LIN {X 20,Y 40,Z 0,A 0,B 180,C 0}"),
         in_the_middle("END\nDEF other( )"),
         // What goes back, or takes numbers of the last line.
-        behind("  GOTO again"),
+        after_the_end("  GOTO again"),
         text.replace("  LIN {X 0,Y 0,Z 120,A 0,B 180,C 0}", "  LIN {Z 120}"),
         text.replace("  $BASE=", "again:\n  $BASE="),
         text.replace("END\n", "END\nDEF other( )\nEND\n"),

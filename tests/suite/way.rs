@@ -154,8 +154,8 @@ fn ways(rows: &[Row]) -> [f64; 2] {
 fn agree(drawn: &Drawn, cell: &Cell, subdivide: Option<f64>, tally: &mut [usize; 3]) {
     let original = drawn.read(drawn.text.as_bytes());
     let options = Options { subdivide, ..Options::default() };
-    let Ok(told) = compensate(&original, cell, &options) else { return };
-    let Corrected { failures, rewritten: Some(rewritten), rows, .. } = &told else {
+    let Ok(reported) = compensate(&original, cell, &options) else { return };
+    let Corrected { failures, rewritten: Some(rewritten), rows, .. } = &reported else {
         panic!("RAPID and KRL are edited")
     };
     if !failures.is_empty() {
@@ -169,11 +169,15 @@ fn agree(drawn: &Drawn, cell: &Cell, subdivide: Option<f64>, tally: &mut [usize;
         Ok(judged) => judged,
         Err(refused) => panic!("{refused:?}\n{}\n{shown}", drawn.text),
     };
-    let close = |what: &str, told: f64, judged: f64| {
-        assert!((told - judged).abs() <= AGREED_MM, "{what}: {told} told, {judged} judged\n{}\n{shown}", drawn.text);
+    let close = |what: &str, reported: f64, judged: f64| {
+        assert!(
+            (reported - judged).abs() <= AGREED_MM,
+            "{what}: {reported} reported, {judged} judged\n{}\n{shown}",
+            drawn.text
+        );
     };
-    for ((what, told), judged) in ["largest", "rms"].into_iter().zip(ways(rows)).zip(ways(&judged.rows)) {
-        close(what, told, judged);
+    for ((what, reported), judged) in ["largest", "rms"].into_iter().zip(ways(rows)).zip(ways(&judged.rows)) {
+        close(what, reported, judged);
     }
     tally[0] += 1;
     tally[1] += usize::from(judged.rows.len() > rows.len());
@@ -181,18 +185,23 @@ fn agree(drawn: &Drawn, cell: &Cell, subdivide: Option<f64>, tally: &mut [usize;
         return;
     }
     assert_eq!(rows.len(), judged.rows.len(), "{}", drawn.text);
-    for (told, judged) in rows.iter().zip(&judged.rows) {
-        assert_eq!((told.target, told.is_solved()), (judged.target, judged.is_solved()), "{}", drawn.text);
-        let what = format!("target {}", told.target);
-        let [own, other] = [told, judged].map(|row| row.remaining_path_mm());
-        assert_eq!(own.is_some(), other.is_some(), "{what}: {own:?} told, {other:?} judged\n{}\n{shown}", drawn.text);
+    for (reported, judged) in rows.iter().zip(&judged.rows) {
+        assert_eq!((reported.target, reported.is_solved()), (judged.target, judged.is_solved()), "{}", drawn.text);
+        let what = format!("target {}", reported.target);
+        let [own, other] = [reported, judged].map(|row| row.remaining_path_mm());
+        assert_eq!(
+            own.is_some(),
+            other.is_some(),
+            "{what}: {own:?} reported, {other:?} judged\n{}\n{shown}",
+            drawn.text
+        );
         if let Some((own, other)) = own.zip(other) {
             close(&format!("{what}, its way"), own, other);
         }
-        if told.is_solved() {
-            close(&what, told.remaining_norm_mm(), judged.error_norm_mm());
+        if reported.is_solved() {
+            close(&what, reported.remaining_norm_mm(), judged.error_norm_mm());
         }
-        tally[2] += usize::from(matches!(told.status, Status::Kept(_)));
+        tally[2] += usize::from(matches!(reported.status, Status::Kept(_)));
     }
 }
 

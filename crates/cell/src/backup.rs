@@ -117,9 +117,9 @@ fn leans_otherwise(robot: &Instance, base: &Pose) -> Option<f64> {
     const LEVEL: f64 = 1.0;
     let angle = |key: &str| number(robot, key).unwrap_or(0.0);
     // The angles turn about x and y of the base. The cosine of the resulting angle does not depend on their order.
-    let said = (angle("gravity_alpha").cos() * angle("gravity_beta").cos()).clamp(-1.0, 1.0).acos().to_degrees();
+    let inclination = (angle("gravity_alpha").cos() * angle("gravity_beta").cos()).clamp(-1.0, 1.0).acos().to_degrees();
     let frame = base.rotation.matrix()[(2, 2)].clamp(-1.0, 1.0).acos().to_degrees();
-    ((said - frame).abs() > LEVEL).then_some(said)
+    ((inclination - frame).abs() > LEVEL).then_some(inclination)
 }
 
 fn name(instance: &Instance) -> &str {
@@ -254,14 +254,18 @@ fn attributes(line: &str) -> Instance {
     let mut rest = line;
     while let Some(from) = rest.strip_prefix('-') {
         let end = from.find(char::is_whitespace).unwrap_or(from.len());
-        let (key, behind) = from.split_at(end);
-        let behind = behind.trim_start();
-        let value_end = match behind.strip_prefix('"') {
-            Some(quoted) => quoted.find('"').map_or(behind.len(), |end| end + 2),
-            None if behind.starts_with('-') && !behind[1..].starts_with(|c: char| c.is_ascii_digit() || c == '.') => 0,
-            None => behind.find(char::is_whitespace).unwrap_or(behind.len()),
+        let (key, after_key) = from.split_at(end);
+        let after_key = after_key.trim_start();
+        let value_end = match after_key.strip_prefix('"') {
+            Some(quoted) => quoted.find('"').map_or(after_key.len(), |end| end + 2),
+            None if after_key.starts_with('-')
+                && !after_key[1..].starts_with(|c: char| c.is_ascii_digit() || c == '.') =>
+            {
+                0
+            }
+            None => after_key.find(char::is_whitespace).unwrap_or(after_key.len()),
         };
-        let (value, next) = behind.split_at(value_end);
+        let (value, next) = after_key.split_at(value_end);
         all.insert(key.to_owned(), value.trim_matches('"').to_owned());
         rest = next.trim_start();
     }
@@ -366,8 +370,9 @@ name = {}
 axis = \"{axis}\"",
             quoted(&self.name)
         );
-        let told = if known { String::new() } else { format!("   # << the backup says {}", comment(&self.mechanics)) };
-        let _ = writeln!(out, "kind = {kind:?}{told}\ncarries = {carries:?}");
+        let comment =
+            if known { String::new() } else { format!("   # << the backup says {}", comment(&self.mechanics)) };
+        let _ = writeln!(out, "kind = {kind:?}{comment}\ncarries = {carries:?}");
         if linear {
             let x: [f64; 3] = (self.frame.rotation * Vector3::x()).map(tidy).into();
             let _ = writeln!(out, "direction = {x:?}   # << x of its base frame: jog it, and look");

@@ -63,23 +63,23 @@ fn assignment_end(table: &dyn toml_edit::TableLike, start: usize) -> Option<usiz
 
 /// A TOML error as a diagnostic, with the most similar known key.
 fn syntax(source: &Source, error: &toml::de::Error) -> Diagnostic {
-    let said = error.message();
-    let quoted: Vec<&str> = said.split('`').skip(1).step_by(2).collect();
+    let message = error.message();
+    let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     let (message, help) = match quoted.split_first() {
-        Some((wrong, known)) if said.starts_with("unknown field") => {
+        Some((wrong, known)) if message.starts_with("unknown field") => {
             let near = nearest(wrong, known.iter().copied());
             let all = || format!("known keys here: {}", known.join(", "));
             (format!("unknown key `{wrong}`"), near.map_or_else(all, |near| format!("did you mean `{near}`?")))
         }
-        Some((missing, _)) if said.starts_with("missing field") => {
+        Some((missing, _)) if message.starts_with("missing field") => {
             (format!("key `{missing}` is missing"), format!("add `{missing} = …` here"))
         }
-        _ if said.starts_with("invalid type: string") && said.contains("f64") => {
-            (in_words(said), "write the number without quotes".to_owned())
+        _ if message.starts_with("invalid type: string") && message.contains("f64") => {
+            (in_words(message), "write the number without quotes".to_owned())
         }
         _ => {
             let help = "decimals take a point, text stands in quotes; `deflex init --robot MODEL` prints a whole cell";
-            (in_words(said), help.to_owned())
+            (in_words(message), help.to_owned())
         }
     };
     let diagnostic = Diagnostic::error("cell.syntax", &source.name, message).help(help);
@@ -90,7 +90,7 @@ fn syntax(source: &Source, error: &toml::de::Error) -> Diagnostic {
 }
 
 /// The text of a serde error, without names of Rust types.
-pub(super) fn in_words(said: &str) -> String {
+pub(super) fn in_words(message: &str) -> String {
     let words = [("f64", "a number"), ("u32", "a whole number"), ("floating point", "number")];
-    words.iter().fold(said.to_owned(), |said, (name, word)| said.replace(name, word))
+    words.iter().fold(message.to_owned(), |message, (name, word)| message.replace(name, word))
 }

@@ -19,8 +19,8 @@ fn parts(name: &str) -> Vec<NamePart> {
     let mut rest = name;
     while let Some(first) = rest.chars().next() {
         let end = rest.find(|c: char| number(c) != number(first) || !c.is_alphanumeric() && c != '.');
-        let (part, behind) = rest.split_at(end.unwrap_or(rest.len()).max(first.len_utf8()));
-        rest = behind;
+        let (part, next) = rest.split_at(end.unwrap_or(rest.len()).max(first.len_utf8()));
+        rest = next;
         match part.parse::<f64>() {
             Ok(value) if number(first) => parts.push(NamePart::Number(value)),
             _ if first.is_alphanumeric() => parts.push(NamePart::Letters(part.to_lowercase())),

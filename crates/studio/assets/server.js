@@ -71,7 +71,7 @@ const take = (job) => {
 };
 
 const hear = (event) => {
-  if (event.behind) return reload();
+  if (event.missed) return reload();
   if (event.job) return take(event.job);
   const job = jobs.get(event.id);
   if (!job) return undefined;

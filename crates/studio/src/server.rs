@@ -220,7 +220,7 @@ async fn events(State(shared): Server) -> Response {
         loop {
             let text = match tokio::time::timeout(HEARTBEAT, events.recv()).await {
                 Ok(Ok(event)) => format!("data: {event}\n\n"),
-                Ok(Err(RecvError::Lagged(_))) => "data: {\"behind\":true}\n\n".to_owned(),
+                Ok(Err(RecvError::Lagged(_))) => "data: {\"missed\":true}\n\n".to_owned(),
                 Ok(Err(RecvError::Closed)) => return,
                 Err(_) => ": here\n\n".to_owned(),
             };

@@ -186,10 +186,10 @@ mod tests {
     #[test]
     fn no_message_is_longer_than_a_page() {
         let word = "ä".repeat(25_000_000);
-        let said = Diagnostic::error("x", "", format!("`{word}` is not declared")).help(word);
-        for text in [&said.message, said.help.as_ref().unwrap_or(&said.message)] {
+        let diagnostic = Diagnostic::error("x", "", format!("`{word}` is not declared")).help(word);
+        for text in [&diagnostic.message, diagnostic.help.as_ref().unwrap_or(&diagnostic.message)] {
             assert!(text.len() < LONGEST + 50 && text.contains("bytes left out"), "{} bytes", text.len());
         }
-        assert!(said.message.ends_with("` is not declared"));
+        assert!(diagnostic.message.ends_with("` is not declared"));
     }
 }

@@ -87,7 +87,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 pub(super) fn lock_folder(folder: &Path) -> io::Result<Option<File>> {
     let Ok(file) = File::open(folder) else { return Ok(None) };
     let (start, limit) = (Instant::now(), Duration::from_secs(TIMEOUT_S.load(Ordering::Relaxed)));
-    let mut said = false;
+    let mut has_reported = false;
     loop {
         match file.try_lock() {
             Ok(()) => return Ok(Some(file)),
@@ -97,8 +97,8 @@ pub(super) fn lock_folder(folder: &Path) -> io::Result<Option<File>> {
                 return Err(io::Error::new(io::ErrorKind::TimedOut, why));
             }
             Err(TryLockError::WouldBlock) => {
-                if !said && start.elapsed() >= PATIENCE {
-                    said = true;
+                if !has_reported && start.elapsed() >= PATIENCE {
+                    has_reported = true;
                     warn(&[waits(folder, limit)]);
                 }
                 std::thread::sleep(POLL);

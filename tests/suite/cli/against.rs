@@ -19,15 +19,15 @@ fn judged(program: &Program, original: &Program, cell: &Cell) -> Corrected {
 }
 
 /// A corrected program compared with its original: between the targets remains what the correction has reported.
-fn agree(name: &str, told: &Corrected, judged: &Corrected) {
+fn agree(name: &str, reported: &Corrected, judged: &Corrected) {
     assert!(judged.failures.is_empty(), "{name}: {:?}", judged.failures);
-    let (told, own) = (Summary::of(&told.rows), Summary::of(&judged.rows));
+    let (reported, own) = (Summary::of(&reported.rows), Summary::of(&judged.rows));
     let figures = [
-        (told.remaining_path_max_mm, own.remaining_path_max_mm),
-        (told.remaining_path_rms_mm, own.remaining_path_rms_mm),
+        (reported.remaining_path_max_mm, own.remaining_path_max_mm),
+        (reported.remaining_path_rms_mm, own.remaining_path_rms_mm),
     ];
-    for (told, own) in figures {
-        assert!((told - own).abs() < PRINTED, "{name}: {told} told, {own} judged");
+    for (reported, own) in figures {
+        assert!((reported - own).abs() < PRINTED, "{name}: {reported} reported, {own} judged");
     }
     assert!(own.max_error_mm < PRINTED, "{name}: {}", own.max_error_mm);
     let unknown = judged.rows.iter().filter(|row| row.is_solved() && row.path.is_none());
@@ -35,25 +35,29 @@ fn agree(name: &str, told: &Corrected, judged: &Corrected) {
 }
 
 #[test]
-fn a_subdivided_program_is_judged_as_its_correction_told() {
+fn a_subdivided_program_is_judged_as_its_correction_reports() {
     let cell = cell(CELL);
     for (name, body) in paths() {
         // The zone of an inserted target is that of the original's here: only where the tool lands tells them apart.
         for text in [module(&body), module(&body).replace("fine", "z0")] {
             let original = read(&text);
             for subdivide in [3e-6, 1e-5] {
-                let (told, text) = corrected(&original, &cell, Some(subdivide));
+                let (reported, text) = corrected(&original, &cell, Some(subdivide));
                 let program = read(&text);
                 assert!(program.targets.len() > original.targets.len(), "{name}");
                 let judged = judged(&program, &original, &cell);
-                agree(name, &told, &judged);
+                agree(name, &reported, &judged);
                 // Row by row: the largest of the parts of a way is that of the way. Inserted targets do not stop.
                 let stops: Vec<bool> = text.lines().map(|line| line.contains(",fine,")).collect();
                 let mut ways = judged.rows.split_inclusive(|row| stops[row.line as usize - 1]);
-                for row in told.rows.iter().filter(|_| stops.contains(&true)) {
+                for row in reported.rows.iter().filter(|_| stops.contains(&true)) {
                     let parts = ways.next().expect("one a target").iter().map(|part| part.remaining_path_mm().unwrap());
-                    let (most, told) = (parts.fold(0.0, f64::max), row.remaining_path_mm().unwrap());
-                    assert!((most - told).abs() < PRINTED, "{name}: target {}: {told} told, {most} judged", row.target);
+                    let (most, reported) = (parts.fold(0.0, f64::max), row.remaining_path_mm().unwrap());
+                    assert!(
+                        (most - reported).abs() < PRINTED,
+                        "{name}: target {}: {reported} reported, {most} judged",
+                        row.target
+                    );
                 }
             }
         }
@@ -118,7 +122,8 @@ fn the_command_checks_a_subdivided_program() {
     let bench = Bench::new();
     let (_, body) = paths().swap_remove(3);
     bench.write("walk.mod", module(&body)).write("walk.toml", CELL);
-    let ran = bench.run("compensate walk.mod --cell walk.toml --subdivide 0.01 -o out.mod --json told.json").exits(0);
+    let ran =
+        bench.run("compensate walk.mod --cell walk.toml --subdivide 0.01 -o out.mod --json reported.json").exits(0);
     assert!(
         ran.stderr.contains("remains between targets") && ran.stderr.contains("lead in and out of the cut gently"),
         "{}",
@@ -138,8 +143,8 @@ fn the_command_checks_a_subdivided_program() {
         let json: serde_json::Value = serde_json::from_str(&bench.read(name)).unwrap();
         ["remaining_path_max_mm", "remaining_path_rms_mm"].map(|key| json["files"][0][key].as_f64().unwrap())
     };
-    for (told, own) in figures("told.json").into_iter().zip(figures("own.json")) {
-        assert!((told - own).abs() < PRINTED, "{told} {own}");
+    for (reported, own) in figures("reported.json").into_iter().zip(figures("own.json")) {
+        assert!((reported - own).abs() < PRINTED, "{reported} {own}");
     }
     // Without a cell: the shift of the original's targets, and that nothing else is different.
     let ran = bench.run("diff walk.mod out.mod").exits(1);
@@ -148,9 +153,9 @@ fn the_command_checks_a_subdivided_program() {
     assert!(ran.stdout.contains("4 of 7 targets changed\n") && ran.stdout.ends_with(ends), "{}", ran.stdout);
     bench.run("diff walk.mod out.mod --json diff.json").exits(1);
     let json: serde_json::Value = serde_json::from_str(&bench.read("diff.json")).unwrap();
-    let told: serde_json::Value = serde_json::from_str(&bench.read("told.json")).unwrap();
+    let reported: serde_json::Value = serde_json::from_str(&bench.read("reported.json")).unwrap();
     let largest = |json: &serde_json::Value, key: &str| json[key].as_f64().unwrap();
-    let correction = largest(&told["files"][0], "max_correction_mm");
+    let correction = largest(&reported["files"][0], "max_correction_mm");
     assert!((largest(&json, "max_mm") - correction).abs() < PRINTED, "{json}");
     // Something else changed as well: its line is listed.
     bench.write("slower.mod", bench.read("out.mod").replacen(",v20,fine", ",v10,fine", 1));
@@ -162,14 +167,14 @@ fn the_command_checks_a_subdivided_program() {
 fn posted_programs_are_judged_by_their_cl_data() {
     let bench = Bench::new();
     bench.write("part.apt", CL.replace("GOTO/100,0,0,0,0,1", "GOTO/300,500,-50,0,0.2,0.98\nGOTO/-200,200,0,0,0,1"));
-    bench.run("compensate part.apt --cell cell.toml --subdivide 0.01 -o posted.mod --json told.json").exits(0);
+    bench.run("compensate part.apt --cell cell.toml --subdivide 0.01 -o posted.mod --json reported.json").exits(0);
     assert!(bench.read("posted.mod").matches("MoveL").count() > 6, "{}", bench.read("posted.mod"));
     bench.run("predict posted.mod --cell cell.toml --against part.apt --json own.json").exits(0);
     let figures = |name: &str| {
         let json: serde_json::Value = serde_json::from_str(&bench.read(name)).unwrap();
         ["remaining_path_max_mm", "remaining_path_rms_mm"].map(|key| json["files"][0][key].as_f64().unwrap())
     };
-    for (told, own) in figures("told.json").into_iter().zip(figures("own.json")) {
-        assert!((told - own).abs() < PRINTED, "{told} {own}");
+    for (reported, own) in figures("reported.json").into_iter().zip(figures("own.json")) {
+        assert!((reported - own).abs() < PRINTED, "{reported} {own}");
     }
 }

@@ -168,7 +168,7 @@ fn cases() -> Vec<Case> {
 }
 
 #[test]
-fn every_bad_input_is_told_and_nothing_is_written() {
+fn every_bad_input_is_reported_and_nothing_is_written() {
     let mut failed = Vec::new();
     for (what, file, text, must) in cases() {
         let bench = Bench::new();
@@ -176,9 +176,9 @@ fn every_bad_input_is_told_and_nothing_is_written() {
         let before = bench.names("");
         let input = if file.ends_with(".apt") { file } else { "part.mod" };
         let ran = bench.run(&format!("compensate {input} --cell cell.toml -o out.mod --report out.csv"));
-        let told = ran.stderr.contains("error") && must.iter().all(|part| ran.stderr.contains(part));
+        let is_reported = ran.stderr.contains("error") && must.iter().all(|part| ran.stderr.contains(part));
         let panicked = ran.stderr.contains("panicked");
-        if ran.code != Some(2) || !ran.stdout.is_empty() || !told || panicked || bench.names("") != before {
+        if ran.code != Some(2) || !ran.stdout.is_empty() || !is_reported || panicked || bench.names("") != before {
             failed.push(format!("== {what}: exit {:?}, must say {must:?}\n{}", ran.code, ran.stderr));
         }
     }
@@ -186,7 +186,7 @@ fn every_bad_input_is_told_and_nothing_is_written() {
 }
 
 #[test]
-fn what_a_cl_file_says_to_machine_tools_only_is_told() {
+fn what_a_cl_file_says_to_machine_tools_only_is_reported() {
     let bench = Bench::new();
     bench.write("part.apt", CL.replace("GOTO/100", "CYCLE/OFF\nFOOBAR/1\nFOOBAR/2\nGOTO/100"));
     let ran = bench.run("predict part.apt --cell cell.toml --tool tMill").exits(0);
@@ -202,7 +202,7 @@ fn what_a_cl_file_says_to_machine_tools_only_is_told() {
 }
 
 #[test]
-fn many_faults_are_told_in_one_run() {
+fn many_faults_are_reported_in_one_run() {
     let bench = Bench::new();
     let text = CELL.replace("tcp_quat", "tcp_quad").replace("uframe_mm", "uframe").replace("spin =", "spinn =");
     bench.write("cell.toml", text);
@@ -221,7 +221,7 @@ fn a_missing_file_is_named() {
 }
 
 #[test]
-fn statements_that_cannot_be_read_are_told_before_they_are_missed() {
+fn statements_that_cannot_be_read_are_reported_before_they_are_missed() {
     let bench = Bench::new();
     bench.write("part.mod", PROGRAM.replace("z1,tMill\\WObj:=wPart;", "z1,tMill\\WObj:=wPart"));
     for command in ["compensate part.mod --cell cell.toml -o out.mod", "predict part.mod --cell cell.toml"] {

@@ -97,7 +97,7 @@ fn rows_twice_and_rows_of_no_target_are_errors() {
 }
 
 #[test]
-fn a_table_that_leaves_targets_out_is_told() {
+fn a_table_that_leaves_targets_out_is_reported() {
     let bench = Bench::new();
     bench.write("forces.csv", "target,fx_n,fy_n,fz_n\n3,120,-260,410\n");
     for command in ["predict part.mod", "compensate part.mod", "check part.mod --max-error 9"] {
@@ -135,7 +135,7 @@ fn all_missing_keys_of_the_kinematics_are_named_at_once() {
 }
 
 #[test]
-fn values_in_another_unit_are_told_with_what_is_usual() {
+fn values_in_another_unit_are_reported_with_what_is_usual() {
     let bench = Bench::new();
     let mechanistic = CELL.replace(
         "force = \"constant\"",
@@ -237,7 +237,7 @@ fn an_orientation_that_no_controller_takes_is_a_fault() {
 }
 
 #[test]
-fn a_frame_that_cell_and_program_declare_differently_is_told() {
+fn a_frame_that_cell_and_program_declare_differently_is_reported() {
     let bench = Bench::new();
     for command in ["predict part.mod", "compensate part.mod", "check part.mod --max-error 9"] {
         bench.write("cell.toml", CELL);

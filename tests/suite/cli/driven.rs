@@ -112,8 +112,8 @@ fn logs_tell_how_the_tool_turns_on_arcs() {
     for (mode, word) in [("PathFrame", "path"), ("ObjectFrame", "even"), ("CirPointOri", "circle_point")] {
         for speed in ["v50", "v100"] {
             bench.write(&format!("{speed}.mod"), arc(speed, ""));
-            let told = arc(speed, &format!("CirPathMode\\{mode};"));
-            bench.write(&format!("{speed}.csv"), log(&told, &PathLaw::TYPICAL));
+            let program = arc(speed, &format!("CirPathMode\\{mode};"));
+            bench.write(&format!("{speed}.csv"), log(&program, &PathLaw::TYPICAL));
         }
         let logs = "--log v50.mod v50.csv --log v100.mod v100.csv";
         let ran = bench.run(&format!("identify --cell cell.toml -o found.toml {logs}")).exits(0);
@@ -164,7 +164,7 @@ fn from_sides(path: &str) -> f64 {
 }
 
 #[test]
-fn the_driven_path_is_kept_within_a_tolerance_and_its_cost_is_told() {
+fn the_driven_path_is_kept_within_a_tolerance_and_its_cost_is_reported() {
     let bench = Bench::new();
     bench.write("cell.toml", format!("{CELL}{LAW}"));
     let text = program("v50", "z1");
@@ -592,21 +592,21 @@ fn a_krl_corner_is_rounded_by_the_distance_that_the_program_sets() {
 fn an_axis_that_would_have_to_accelerate_too_much_is_named() {
     let bench = Bench::new();
     bench.write("p.mod", program("v100", "fine"));
-    let said = |limit: f64| {
+    let stderr_with = |limit: f64| {
         let limits = format!("axis_acceleration_deg_s2 = [{limit:.1}, 1e9, 1e9, 1e9, 1e9, 1e9]\n");
         let law = LAW.replace("acceleration_mm_s2 = 8000.0\n", "");
         bench.write("cell.toml", format!("{CELL}{law}{limits}"));
         bench.run("predict p.mod --cell cell.toml --path p.csv --report r.csv").exits(0).stderr
     };
-    let told = said(50.0);
-    let figure = told.split("axis 1 would have to accelerate by ").nth(1).unwrap_or_else(|| panic!("{told}"));
+    let stderr = stderr_with(50.0);
+    let figure = stderr.split("axis 1 would have to accelerate by ").nth(1).unwrap_or_else(|| panic!("{stderr}"));
     let figure: f64 = figure.split(' ').next().unwrap().parse().unwrap();
-    assert!((79.0..82.5).contains(&figure), "{told}");
+    assert!((79.0..82.5).contains(&figure), "{stderr}");
     assert!(
-        told.contains("path.axis-acceleration") && told.contains("1 of 2 paths") && told.contains("p.mod:6"),
-        "{told}"
+        stderr.contains("path.axis-acceleration") && stderr.contains("1 of 2 paths") && stderr.contains("p.mod:6"),
+        "{stderr}"
     );
-    assert!(!said(90.0).contains("path.axis-acceleration"));
+    assert!(!stderr_with(90.0).contains("path.axis-acceleration"));
 }
 
 /// A controller cannot round into a motion that it does not know yet.

@@ -445,7 +445,7 @@ fn plant(bench: &Bench, folder: &str, waits: &str, target: &str, how: &str) {
 }
 
 #[test]
-fn an_input_of_an_unfinished_set_is_told() {
+fn an_input_of_an_unfinished_set_is_reported() {
     let bench = Bench::new();
     let waits = format!(".deflex-{ID}-0.tmp");
     bench.write(&waits, "new");

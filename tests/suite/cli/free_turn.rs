@@ -108,7 +108,7 @@ fn a_wrist_that_every_turn_makes_singular_is_refused_with_the_place() {
 }
 
 #[test]
-fn written_turns_of_rapid_go_only_where_asked() {
+fn written_turns_of_rapid_go_only_where_chosen() {
     let bench = Bench::new();
     bench.write("wave.apt", path()).write("cell.toml", cell("spin = \"fixed\""));
     bench.run("compensate wave.apt --cell cell.toml -o wave.mod").exits(0);

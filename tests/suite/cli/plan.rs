@@ -36,12 +36,12 @@ fn a_plan_is_a_program_and_a_table_to_fill_in() {
         .exits(0);
     assert!(ran.stdout.starts_with("8 rows, "), "{}", ran.stdout);
     assert!(ran.stdout.contains("note: not planned for: gear_harmonic"), "{}", ran.stdout);
-    let told: serde_json::Value = serde_json::from_str(&bench.read("plan.json")).unwrap();
-    assert_eq!(told["pairs"].as_array().unwrap().len(), 1);
-    assert_eq!(told["weakest"], told["pairs"][0]);
-    assert!(told["load_changes"].as_u64().unwrap() <= 1);
-    let chance = told["chance_right"].as_f64().unwrap();
-    assert!((0.0..=1.0).contains(&chance) && told["simulated"].as_u64().unwrap() > 0);
+    let plan: serde_json::Value = serde_json::from_str(&bench.read("plan.json")).unwrap();
+    assert_eq!(plan["pairs"].as_array().unwrap().len(), 1);
+    assert_eq!(plan["weakest"], plan["pairs"][0]);
+    assert!(plan["load_changes"].as_u64().unwrap() <= 1);
+    let chance = plan["chance_right"].as_f64().unwrap();
+    assert!((0.0..=1.0).contains(&chance) && plan["simulated"].as_u64().unwrap() > 0);
     assert!(bench.read("plan.html").contains("Named rightly"));
     // Every target is reached, and the table is its program's.
     bench.run("predict measure.mod --cell shop.toml --forces measure.csv --report rows.csv").exits(0);

@@ -5,8 +5,8 @@ use std::process::Command;
 
 /// Standard output of a program that must succeed in silence; `None` where this machine does not have it.
 fn ask(bench: &Bench, program: &str, arguments: &[&str]) -> Option<String> {
-    let asked = Command::new(program).args(arguments).current_dir(bench.path("")).output();
-    let Ok(output) = asked else {
+    let started = Command::new(program).args(arguments).current_dir(bench.path("")).output();
+    let Ok(output) = started else {
         eprintln!("skipped: {program} is absent");
         return None;
     };

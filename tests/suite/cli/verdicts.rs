@@ -98,7 +98,7 @@ fn raster() -> String {
 }
 
 #[test]
-fn a_raster_passes_and_its_jumps_are_told() {
+fn a_raster_passes_and_its_jumps_are_reported() {
     let bench = Bench::new();
     // The force goes with the feed, so that it turns at every corner.
     let cell = CELL.replace("frame = \"wobj\"", "frame = \"feed\"");

@@ -16,11 +16,11 @@ fn said(body: &str, cell: &str) -> Vec<&'static str> {
     );
     let program = rapid::read(vec![Source::new("m.mod", text.replace(" @", AT))], Vec::new()).unwrap();
     let cell = Cell::read(&Source::new("cell.toml", cell)).unwrap();
-    compensate(&program, &cell, &Options::default()).unwrap().notes.iter().map(|told| told.code).collect()
+    compensate(&program, &cell, &Options::default()).unwrap().notes.iter().map(|note| note.code).collect()
 }
 
 #[test]
-fn a_load_that_gravity_does_not_act_on_is_told_where_there_is_any() {
+fn a_load_that_gravity_does_not_act_on_is_reported_where_there_is_any() {
     let heavy = CELL.replace("[cut]", &format!("{WEIGHT}[cut]"));
     let grips = "GripLoad spindle;\nMoveL [[0,0,0] @MoveL [[50,0,0] @";
     assert!(said(grips, &heavy).contains(&"rapid.load"));
@@ -36,7 +36,7 @@ fn a_load_that_gravity_does_not_act_on_is_told_where_there_is_any() {
 }
 
 #[test]
-fn a_plunge_is_told_where_the_force_follows_the_feed() {
+fn a_plunge_is_reported_where_the_force_follows_the_feed() {
     let feed = CELL.replace("frame = \"wobj\"", "frame = \"feed\"");
     let plunges = "MoveL [[0,0,50] @MoveL [[0,0,0] @MoveL [[50,0,0] @";
     assert_eq!(said(plunges, &feed).iter().filter(|code| **code == "cut.plunge").count(), 1);
@@ -48,12 +48,12 @@ fn a_plunge_is_told_where_the_force_follows_the_feed() {
 }
 
 #[test]
-fn what_the_next_cycle_finds_otherwise_is_told() {
+fn what_the_next_cycle_finds_otherwise_is_reported() {
     let frame = "PERS wobjdata wOwn:=[FALSE,TRUE,\"\",[[900,0,500],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n";
     let said = |body: &str| {
         let text = format!("MODULE M\n{frame}PROC main()\n{body}ENDPROC\nENDMODULE\n").replace(" @", AT);
         let program = rapid::read(vec![Source::new("m.mod", text.replace("=wCell", "=wOwn"))], Vec::new()).unwrap();
-        program.diagnostics.iter().filter(|told| told.code == "rapid.next-cycle").count()
+        program.diagnostics.iter().filter(|note| note.code == "rapid.next-cycle").count()
     };
     let (moves, shifts, on, off) =
         ("MoveL [[0,0,0] @", "wOwn.oframe.trans.z:=2;\n", "PDispSet [[0,0,5],[1,0,0,0]];\n", "PDispOff;\n");
@@ -70,14 +70,14 @@ fn what_the_next_cycle_finds_otherwise_is_told() {
 }
 
 #[test]
-fn a_trap_that_moves_is_told() {
+fn a_trap_that_moves_is_reported() {
     let said = |trap: &str| {
         let text = format!(
             "MODULE M\nVAR intnum alarm;\nPROC main()\nCONNECT alarm WITH tStop;\nMoveL [[0,0,0] @MoveL [[50,0,0] @ENDPROC\n\
              TRAP tStop\n{trap}ENDTRAP\nPROC away()\nMoveL [[0,0,90] @ENDPROC\nENDMODULE\n"
         );
         let program = rapid::read(vec![Source::new("m.mod", text.replace(" @", AT))], Vec::new()).unwrap();
-        program.diagnostics.iter().filter(|told| told.code == "rapid.trap-moves").count()
+        program.diagnostics.iter().filter(|note| note.code == "rapid.trap-moves").count()
     };
     assert_eq!(said("StopMove;\nTPWrite \"stop\";\nStartMove;\n"), 0);
     assert_eq!(said("StopMove;\nStorePath;\nMoveL [[0,0,90] @RestoPath;\nStartMove;\n"), 1);

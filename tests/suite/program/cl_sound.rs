@@ -280,7 +280,7 @@ fn an_arc_that_the_path_contradicts_is_refused() {
 }
 
 #[test]
-fn what_stands_behind_the_end_is_no_motion() {
+fn what_follows_the_end_is_no_motion() {
     assert_eq!(
         faults(&reads("UNITS/MM\nGOTO/1,2,3\nFINI\nGOTO/9,9,9\n")),
         [(4, "motion after FINI, where the program ends".to_owned())]

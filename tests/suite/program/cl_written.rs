@@ -113,7 +113,7 @@ fn dwells(program: &Program) -> Vec<ActionKind> {
 }
 
 /// All actions of the machine other than motions, and the target before which each stands.
-fn asked(program: &Program) -> Vec<(usize, ActionKind)> {
+fn actions(program: &Program) -> Vec<(usize, ActionKind)> {
     program.actions.iter().map(|action| (action.before, action.kind.clone())).collect()
 }
 
@@ -291,8 +291,8 @@ const ARCS: &str = "PARTNO ARCS\r\nUNITS/MM\r\nMULTAX/ON\r\nFEDRAT/600,MMPM\r\nR
     COOLNT/OFF\r\nRAPID\r\nGOTO/-40.0,80.0,50.0\r\nFINI\r\n";
 
 /// Numbers of the `GOTO`s of a text after one line and before another, read without any code of deflex.
-fn gone_to(text: &str, behind: &str, before: &str) -> Vec<Vec<f64>> {
-    let lines = text.lines().skip_while(|line| !line.starts_with(behind)).take_while(|line| !line.starts_with(before));
+fn gone_to(text: &str, after: &str, before: &str) -> Vec<Vec<f64>> {
+    let lines = text.lines().skip_while(|line| !line.starts_with(after)).take_while(|line| !line.starts_with(before));
     let numbers = |line: &str| line.split(',').map(|number| number.parse().unwrap()).collect();
     lines.filter_map(|line| line.strip_prefix("GOTO/")).map(numbers).collect()
 }
@@ -393,7 +393,7 @@ fn every_dialect_reads_the_same_again() {
         };
         let written = String::from_utf8_lossy(&written).into_owned();
         let again = read(&written, &options);
-        assert_eq!((program.targets.len(), asked(&program)), (again.targets.len(), asked(&again)), "{written}");
+        assert_eq!((program.targets.len(), actions(&program)), (again.targets.len(), actions(&again)), "{written}");
         for (was, is) in program.targets.iter().zip(&again.targets) {
             let (Goal::Axis { position_mm: a, axis: u, .. }, Goal::Axis { position_mm: b, axis: v, .. }) =
                 (was.goal, is.goal)

@@ -22,7 +22,7 @@ fn outcome(program: &Program) -> (usize, bool) {
         program
             .diagnostics
             .iter()
-            .any(|told| told.message.contains("not in the files") || told.message.contains("not given")),
+            .any(|note| note.message.contains("not in the files") || note.message.contains("not given")),
     )
 }
 

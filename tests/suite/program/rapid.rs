@@ -283,7 +283,7 @@ fn number() -> impl Strategy<Value = String> {
 
 proptest! {
     #[test]
-    fn what_is_asked_for_is_read_back_within_half_a_printed_unit(
+    fn a_written_number_is_read_back_within_half_a_printed_unit(
         numbers in prop::collection::vec(number(), 3..30),
         by in prop::array::uniform3(-2.0_f64..2.0),
     ) {

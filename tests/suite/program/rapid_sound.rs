@@ -82,11 +82,11 @@ fn fates(text: &str, clones: bool) -> BTreeMap<u32, Result<(), &'static str>> {
     for (i, (was, is)) in program.targets.iter().zip(&again.targets).enumerate() {
         let said = rewritten.kept.iter().find(|kept| kept.0 == i).map(|kept| kept.1);
         let said = said.or(if let Editable::No(reason) = was.editable { Some(reason) } else { None }).map(Reason::text);
-        let (before, behind) = (position(&was.goal), position(&is.goal));
+        let (before, after) = (position(&was.goal), position(&is.goal));
         match said {
             Some(reason) => {
                 assert!(
-                    before[0].is_nan() || before.map(f64::to_bits) == behind.map(f64::to_bits),
+                    before[0].is_nan() || before.map(f64::to_bits) == after.map(f64::to_bits),
                     "line {} is said to stay ({reason}), and moves",
                     was.line
                 );
@@ -94,8 +94,8 @@ fn fates(text: &str, clones: bool) -> BTreeMap<u32, Result<(), &'static str>> {
             }
             None => {
                 let wanted = changes[i].as_ref().unwrap().position_mm;
-                let near = (0..3).all(|k| (wanted[k] - behind[k]).abs() < 2e-4);
-                assert!(near, "line {}: wanted {wanted:?}, written {behind:?}\n{text}", was.line);
+                let near = (0..3).all(|k| (wanted[k] - after[k]).abs() < 2e-4);
+                assert!(near, "line {}: wanted {wanted:?}, written {after:?}\n{text}", was.line);
                 fates.entry(was.line).or_insert(Ok(()));
             }
         }
@@ -208,7 +208,7 @@ fn routines_that_are_not_known_make_unknown_what_they_could_see() {
 }
 
 #[test]
-fn synchronised_procedures_run_some_time_behind() {
+fn synchronised_procedures_run_some_time_later() {
     check(
         "MoveL p1,v50,fine,t1\\WObj:=w1; ! edit\nMoveLSync p2,v50,z1,t1\\WObj:=w1,\"rDisp\"; ! stay\nPDispOff;\nMoveL p3,v50,fine,t1\\WObj:=w1; ! stay",
         &format!("PROC rDisp()\n{DISPLACE}\nENDPROC"),
@@ -509,7 +509,7 @@ fn clones_take_no_others_place() {
 }
 
 #[test]
-fn many_frames_are_told_apart() {
+fn many_frames_are_distinguished() {
     // More than a saturated index would tell apart.
     let text = "MODULE M\nVAR wobjdata w:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPROC main()\nFOR i FROM 1 TO 3000 DO\nw.uframe.trans.x:=i;\nMoveL [[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,tool0\\WObj:=w;\nENDFOR\nENDPROC\nENDMODULE\n";
     assert_eq!(read(text).wobjs.len(), 3000);

@@ -81,7 +81,7 @@ const HARD: &[Hard] = &[
         ..PLAIN
     },
     Hard {
-        what: "a frame selected on one way only is not known behind it",
+        what: "a frame selected on one branch only is not known after it",
         statements: "UFRAME_NUM=1\nIF DI[1]=ON,UFRAME_NUM=2\nL P[1] 10mm/sec FINE\nL P[2] 10mm/sec FINE",
         positions: &[(1, "GP1: UF : F, UT : 1, X = 1 mm, Y = 1 mm, Z = 0 mm, W = 0 deg, P = 0 deg, R = 0 deg")],
         edited: &[2],
@@ -150,7 +150,7 @@ const HARD: &[Hard] = &[
         ..PLAIN
     },
     Hard {
-        what: "SELECT with a jump behind it",
+        what: "SELECT with a jump after it",
         statements: "SELECT R[1]=1,JMP LBL[1]\n       =2,CALL OTHER\n       ELSE,JMP LBL[2]\nL P[1] 10mm/sec FINE\nLBL[1]\nL P[2] 10mm/sec FINE\nLBL[2]\nL P[3] 10mm/sec FINE",
         edited: &[1, 2, 3],
         ..PLAIN
@@ -275,7 +275,7 @@ const HARD: &[Hard] = &[
         ..PLAIN
     },
     Hard {
-        what: "the same behind a word that is not known",
+        what: "the same after a word that is not known",
         statements: "R[1]=2\nL P[1] 10mm/sec CNT100 TIME BEFORE .50sec CALL GUN\nL P[R[1]] 10mm/sec FINE",
         kept: &[(2, OPTION), (3, ANY)],
         ..PLAIN
@@ -293,7 +293,7 @@ const HARD: &[Hard] = &[
         ..PLAIN
     },
     Hard {
-        what: "a register behind the start of a monitor is nobody's",
+        what: "a register after the start of a monitor can have any value",
         statements: "MONITOR WATCH\nR[1]=1\nL P[R[1]] 10mm/sec FINE",
         kept: &[(3, ANY)],
         ..PLAIN
@@ -422,7 +422,7 @@ const HARD: &[Hard] = &[
         ..PLAIN
     },
     Hard {
-        what: "what stands behind END is not run",
+        what: "what follows END is not run",
         statements: "L P[1] 10mm/sec FINE\nEND\nL P[2] 10mm/sec FINE",
         edited: &[1],
         kept: &[(3, "motion that nothing reaches")],
@@ -591,7 +591,7 @@ fn a_called_program_may_count_from_where_the_robot_stands() {
 
 /// A call that runs some time before or after a point does not change the options that follow it.
 #[test]
-fn options_behind_a_timed_call_count() {
+fn options_after_a_timed_call_count() {
     let statements = "L P[1] 10mm/sec FINE TB .10sec,CALL SUB2 Offset,PR[1]\nL P[2] 10mm/sec FINE TB .10sec,DO[1]=ON";
     let program = read(&Hard { what: "timed", statements, ..PLAIN }, &[SUB2]);
     let kept: Vec<_> = program.kept.iter().map(|kept| (kept.line - 3, kept.reason.text())).collect();

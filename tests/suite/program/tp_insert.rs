@@ -264,8 +264,8 @@ proptest! {
             }
         }
         // A comparison tells nothing but them.
-        let told = difference(&before, &after);
-        prop_assert_eq!((told.inserted.len(), told.moved.len(), told.other.len()), (new, 0, 0), "{:?}", told.other);
+        let difference = difference(&before, &after);
+        prop_assert_eq!((difference.inserted.len(), difference.moved.len(), difference.other.len()), (new, 0, 0), "{:?}", difference.other);
     }
 }
 
@@ -318,8 +318,8 @@ fn as_little_is_left_on_the_way_as_in_rapid() {
     let ends = again.targets.iter().filter(|target| target.role == Role::End).count();
     assert_eq!(ends, 5 + own.0);
     assert!(again.kept.is_empty() && again.targets.iter().filter(|t| t.motion == Motion::Circular).count() >= 4);
-    let told = difference(&both[0].0, &again);
-    assert_eq!((told.inserted.len(), told.other.len()), (own.0, 0), "{:?}", told.other);
+    let difference = difference(&both[0].0, &again);
+    assert_eq!((difference.inserted.len(), difference.other.len()), (own.0, 0), "{:?}", difference.other);
 }
 
 /// The circle points of `A` motions are nowhere in the text: they stay half way, where no point is inserted.
@@ -352,6 +352,6 @@ fn what_is_written_is_judged_by_the_original() {
     apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut out).unwrap();
     let again = read(&String::from_utf8(out).unwrap());
     let judged = predict(&again, &cell, &Options::default(), Some(&program)).unwrap();
-    let [told, found] = [&corrected.rows, &judged.rows].map(|rows| Summary::of(rows).remaining_path_rms_mm);
-    assert!((told - found).abs() < 2e-4, "{told} {found}");
+    let [reported, found] = [&corrected.rows, &judged.rows].map(|rows| Summary::of(rows).remaining_path_rms_mm);
+    assert!((reported - found).abs() < 2e-4, "{reported} {found}");
 }

@@ -1,6 +1,6 @@
 //! Runs a program and its correction on the same inputs and compares every motion.
 //!
-//! What a motion's correction is, is asked of a program that leaves nothing to read: the motions that were executed, with
+//! What a motion's correction is comes from a program that leaves nothing to read: the motions that were executed, with
 //! their frames as constants and their poses as inline targets.
 
 use super::machine::{Goal, Machine, Motion};
@@ -136,7 +136,7 @@ impl Bench {
         };
         let same_lines = texts.iter().zip(&written).all(|(a, b)| a.lines().count() == b.lines().count());
         let inserted = inserted_lines(&program, &corrected);
-        let told = Told::new(&program, &corrected);
+        let report = Report::new(&program, &corrected);
         let (mut most, mut left) = (0, Vec::new());
         for seed in seeds {
             let mut before = Machine::new(&original, &self.cell_file, Oracle::new(seed));
@@ -165,7 +165,7 @@ impl Bench {
                 }
             }
             let pairs: Vec<_> = before.motions.iter().zip(own).collect();
-            match self.compare(&pairs, same_lines, (&told, &divided)) {
+            match self.compare(&pairs, same_lines, (&report, &divided)) {
                 Ok(seen) => {
                     most = most.max(seen.corrected);
                     left.extend(seen.left);
@@ -183,7 +183,7 @@ impl Bench {
         &self,
         pairs: &[(&Motion, &Motion)],
         same_lines: bool,
-        (told, divided): (&Told, &BTreeSet<usize>),
+        (report, divided): (&Report, &BTreeSet<usize>),
     ) -> Result<Seen, String> {
         let originals: Vec<&Motion> = pairs.iter().map(|(before, _)| *before).collect();
         let wanted = self.answers(&originals, Correct::Pose);
@@ -216,17 +216,17 @@ impl Bench {
                 if wanted.iter().any(|w| w.iter().zip(old).all(|(w, p)| close(w, &from.then(p)))) {
                     continue;
                 }
-                if !told.left(before) {
+                if !report.left(before) {
                     return Err(format!("{what} is not corrected, and nothing says so"));
                 }
                 seen.left.push(before.line);
                 continue;
             }
-            if told.only_kept(before) {
+            if report.only_kept(before) {
                 return Err(format!("{what} is said to be kept, and moved"));
             }
             let stays = old.iter().zip(new).all(|(a, b)| from.then(a).apart(&to.then(b)).0 <= TOLERANCE_MM);
-            if stays && told.turned.contains(&(before.module, before.line)) {
+            if stays && report.turned.contains(&(before.module, before.line)) {
                 seen.left.push(before.line);
                 continue;
             }
@@ -257,8 +257,8 @@ impl Bench {
             new.extend(keys.iter().zip(motions.iter().copied()).filter(|(key, _)| !known.contains_key(*key)));
         }
         if !new.is_empty() {
-            let asked: Vec<&Motion> = new.values().copied().collect();
-            let all = self.flat(&asked, &options);
+            let wanted: Vec<&Motion> = new.values().copied().collect();
+            let all = self.flat(&wanted, &options);
             for (n, (key, motion)) in new.into_iter().enumerate() {
                 let one = match &all {
                     Some(all) => Some(all[n].clone()),
@@ -428,7 +428,7 @@ fn flattened(motions: &[&Motion]) -> Result<String, String> {
 }
 
 /// What was said of each line.
-struct Told {
+struct Report {
     /// By source and line: rows that are kept, rows that are not.
     rows: BTreeMap<(usize, u32), (usize, usize)>,
     /// Air moves that are where they were, and turned with a base that is corrected.
@@ -437,7 +437,7 @@ struct Told {
     notes: Vec<String>,
 }
 
-impl Told {
+impl Report {
     fn new(program: &Program, corrected: &Corrected) -> Self {
         let mut rows: BTreeMap<(usize, u32), (usize, usize)> = BTreeMap::new();
         let mut turned_rows = BTreeSet::new();

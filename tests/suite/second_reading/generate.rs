@@ -1,6 +1,6 @@
 //! Random RAPID programs of all the constructs that decide where a motion goes.
 //!
-//! Each program draws a few of the constructs, so that what they do to what is known does not hide behind all the others.
+//! Each program draws a few of the constructs, so that what they do to what is known does not hide among all the others.
 
 mod statements;
 

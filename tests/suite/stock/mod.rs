@@ -268,13 +268,13 @@ fn a_moment_of_the_stock_is_kept() {
         let poses: Vec<_> = (0..12).flat_map(pass).map(|(x, y, z)| ToolPose { axis, ..upright(x, y, z) }).collect();
         for part in poses.chunks(100) {
             stock.keep_history();
-            let mut asked = Vec::new();
+            let mut questions = Vec::new();
             for pair in part.windows(2) {
                 let way = pair[1].tip - pair[0].tip;
-                asked.push((stock.now(), pair[1], way, front.engaged(&stock, &pair[1], &way)));
+                questions.push((stock.now(), pair[1], way, front.engaged(&stock, &pair[1], &way)));
                 stock.remove(front.solid(), &pair[0], &pair[1]);
             }
-            for (moment, pose, way, then) in asked {
+            for (moment, pose, way, then) in questions {
                 assert_eq!(front.engaged_at(&stock, &moment, &pose, &way), then);
             }
         }
@@ -299,13 +299,13 @@ fn deferred_moves_are_those_one_by_one() {
             let mut found = Vec::new();
             for part in moves.chunks(batch) {
                 stock.keep_history();
-                let mut asked = Vec::new();
+                let mut questions = Vec::new();
                 for pair in part {
-                    asked.push((stock.now(), pair[1], pair[1].tip - pair[0].tip));
+                    questions.push((stock.now(), pair[1], pair[1].tip - pair[0].tip));
                     stock.defer(front.solid(), &pair[0], &pair[1]);
                 }
                 let volumes = stock.settle();
-                let answers = asked.iter().map(|(moment, pose, way)| front.engaged_at(&stock, moment, pose, way));
+                let answers = questions.iter().map(|(moment, pose, way)| front.engaged_at(&stock, moment, pose, way));
                 found.extend(answers.zip(volumes));
             }
             assert!(found == wanted, "batches of {batch}");

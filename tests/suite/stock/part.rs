@@ -348,7 +348,7 @@ fn a_soft_part_is_found_from_positions_alone() {
 }
 
 #[test]
-fn a_soft_clamp_is_found_with_its_interval_and_told_from_a_soft_material() {
+fn a_soft_clamp_is_found_with_its_interval_and_distinguished_from_a_soft_material() {
     let soft = "[[effect]]\nkind = \"clamp_compliance\"\nclamps = [{ clamp = 2, mm_per_n = [3e-6, 4e-6, 2e-4] }]\n";
     let added = found_on_plate(soft);
     let [clamp] = &added[..] else { panic!("{added:?}") };

@@ -293,24 +293,24 @@ fn a_cut_is_followed_and_called_off() {
     let long: Vec<_> = (0..1500).map(|i| ([0.04 * f64::from(i) - 6.0, 20.0, -1.5], "v20")).collect();
     let long = program(&long);
     let followed = |goes_on: bool| {
-        let told = Arc::new(Mutex::new(Vec::new()));
-        let notebook = Arc::clone(&told);
+        let shares = Arc::new(Mutex::new(Vec::new()));
+        let notebook = Arc::clone(&shares);
         let follow = move |share| {
             notebook.lock().unwrap().push(share);
             goes_on
         };
-        (Options { cut_progress: CutProgress::new(follow), ..Options::default() }, told)
+        (Options { cut_progress: CutProgress::new(follow), ..Options::default() }, shares)
     };
     for cuts in [Cuts::Programmed, Cuts::Deflected, Cuts::Driven] {
-        let (options, told) = followed(false);
+        let (options, shares) = followed(false);
         let Err(refused) = cut_stock(&long, &cell, &options, None, cuts) else { panic!("{cuts:?} is not called off") };
         assert_eq!(refused.iter().map(|d| d.code).collect::<Vec<_>>(), ["run.called-off"], "{cuts:?}");
-        assert!(told.lock().unwrap()[0] < 0.9, "{cuts:?}");
+        assert!(shares.lock().unwrap()[0] < 0.9, "{cuts:?}");
     }
-    let (options, told) = followed(true);
+    let (options, shares) = followed(true);
     compensate(&long, &cell, &options).unwrap();
-    let told = told.lock().unwrap();
-    assert!(told.len() > 2 && told.is_sorted() && told.last() == Some(&1.0), "{told:?}");
+    let shares = shares.lock().unwrap();
+    assert!(shares.len() > 2 && shares.is_sorted() && shares.last() == Some(&1.0), "{shares:?}");
 }
 
 /// On a plunge the arm yields sideways by hundredths: that is no cut with the side of the cutter.

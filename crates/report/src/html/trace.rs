@@ -318,14 +318,14 @@ mod tests {
     #[test]
     fn kept_samples_are_quoted_in_running_order() {
         let mut trace = trace(&[0.3, 0.1, 0.2, 0.9, 0.5, 0.4], 2);
-        let mut asked = Vec::new();
+        let mut marked = Vec::new();
         trace.quote(|target, line| {
-            asked.push((target, line));
+            marked.push((target, line));
             (target != 4)
                 .then(|| format!("\tMoveL p{target}, {}\u{1};  ", "x".repeat(if target == 1 { 200 } else { 0 })))
         });
         let kept: Vec<(u32, u32)> = trace.kept().iter().map(|k| (k.target, k.line)).collect();
-        assert_eq!(asked, kept);
+        assert_eq!(marked, kept);
         assert_eq!(trace.quotes[0], format!("MoveL p1, {}…", "x".repeat(QUOTED - 10)));
         let json = trace.json();
         assert_eq!(json["quotes"][1], "MoveL p2,  ;");

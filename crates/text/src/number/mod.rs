@@ -175,10 +175,10 @@ mod tests {
         fn a_leading_number_is_the_token(token in "[-+]?[0-9]{0,17}\\.?[0-9]{0,9}", rest in "[,e\\] ]?") {
             let text = format!("{token}{rest}");
             if let Some(leading) = read_leading(text.as_bytes()) {
-                let (value, behind) = (leading.value, leading.decimals());
-                prop_assert_eq!((leading.len(), behind), (token.len(), decimals(token.as_bytes())));
+                let (value, places) = (leading.value, leading.decimals());
+                prop_assert_eq!((leading.len(), places), (token.len(), decimals(token.as_bytes())));
                 let mut printed = Vec::new();
-                write_fixed_plain(&mut printed, value, behind);
+                write_fixed_plain(&mut printed, value, places);
                 prop_assert_eq!(leading.bare, printed == token.as_bytes());
                 prop_assert_eq!(Some(value.to_bits()), read_plain(token.as_bytes()).map(f64::to_bits));
             }

@@ -114,8 +114,8 @@ pub fn read_leading(bytes: &[u8]) -> Option<Leading> {
     let sign = usize::from(negative | (first == b'+'));
     let (mut mantissa, whole) = append_digits(0, &bytes[sign..]);
     let (mut len, mut decimals) = (sign + whole, 0);
-    if let Some((b'.', behind)) = bytes[len..].split_first() {
-        (mantissa, decimals) = append_digits(mantissa, behind);
+    if let Some((b'.', fraction)) = bytes[len..].split_first() {
+        (mantissa, decimals) = append_digits(mantissa, fraction);
         if decimals == 0 {
             return None;
         }

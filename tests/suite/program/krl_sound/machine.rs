@@ -396,7 +396,7 @@ impl<'a> Machine<'a> {
                 }
             }
             Kind::While(..) | Kind::Repeat(..) | Kind::Loop(_) => loop {
-                let (body, behind) = match &stmt.kind {
+                let (body, condition_after) = match &stmt.kind {
                     Kind::While(condition, body) => {
                         if !self.ask(condition)?.bool()? {
                             break;
@@ -413,7 +413,7 @@ impl<'a> Machine<'a> {
                     Flow::Exit => break,
                     flow => return Ok(flow),
                 }
-                if let Some(until) = behind
+                if let Some(until) = condition_after
                     && self.ask(until)?.bool()?
                 {
                     break;

@@ -444,7 +444,7 @@ pub(super) const CASES: &[Case] = &[
         "PROC rUse(wobjdata w) wSet:=w2; MoveL p1,v50,fine,t1\\WObj:=w; ENDPROC",
     ),
     case(
-        "PERS parameter seen behind a change",
+        "PERS parameter seen after a change",
         1,
         P,
         "rUse wp;",
@@ -649,9 +649,9 @@ pub(super) const CASES: &[Case] = &[
         "",
     ),
     case("target assigned in one branch", 0, W, "IF di1=1 pv:=p1; MoveL pv,v50,fine,t1\\WObj:=w1;", ""),
-    case("target assigned behind its use", 1, W, "MoveL pv,v50,fine,t1\\WObj:=w1; pv:=p1;", ""),
+    case("target assigned after its use", 1, W, "MoveL pv,v50,fine,t1\\WObj:=w1; pv:=p1;", ""),
     case(
-        "target assigned behind its use, in a loop",
+        "target assigned after its use, in a loop",
         0,
         W,
         "FOR i FROM 1 TO 2 DO MoveL pv,v50,fine,t1\\WObj:=w1; pv:=p1; ENDFOR",

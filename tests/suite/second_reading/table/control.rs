@@ -27,13 +27,13 @@ pub(super) const CASES: &[Case] = &[
         "PROC rDeep() MoveL Offs(pa{n},0,0,5*n),v50,fine,t1\\WObj:=w1; n:=n+ReadNum(com1); IF n<4 THEN rDeep; ENDIF ENDPROC",
     ),
     case(
-        "behind a RAISE that is resolved",
+        "after a RAISE that is resolved",
         1,
         P,
         "rTry; MoveL p1,v50,fine,t1\\WObj:=w1;",
         "PROC rTry() RAISE 5; ERROR RETURN; ENDPROC",
     ),
-    case("behind a RAISE that is tried next", 1, P, "RAISE 5; MoveL p1,v50,fine,t1\\WObj:=w1; ERROR TRYNEXT;", ""),
+    case("after a RAISE that is tried next", 1, P, "RAISE 5; MoveL p1,v50,fine,t1\\WObj:=w1; ERROR TRYNEXT;", ""),
     case(
         "RAISE in one branch",
         1,
@@ -64,7 +64,7 @@ pub(super) const CASES: &[Case] = &[
     ),
     case("RETRY", 1, P, "n:=3/n; MoveL p1,v50,fine,t1\\WObj:=w1; ERROR n:=1; RETRY;", ""),
     case(
-        "handler moves behind RAISE",
+        "handler moves after RAISE",
         0,
         P,
         "RAISE 5; MoveL p1,v50,fine,t1\\WObj:=w1; ERROR MoveL p2,v50,fine,t1\\WObj:=w1; TRYNEXT;",
@@ -267,7 +267,7 @@ pub(super) const CASES: &[Case] = &[
         "",
     ),
     case(
-        "displacement in a handler, off behind",
+        "displacement in a handler, off after it",
         1,
         P,
         "WaitDI di1,1\\MaxTime:=1; PDispOff; MoveL p1,v50,fine,t1\\WObj:=w1; ERROR PDispSet [[40,0,0],[0.9659258,0,0,0.2588190]]; TRYNEXT;",

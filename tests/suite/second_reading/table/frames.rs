@@ -104,7 +104,7 @@ pub(super) const CASES: &[Case] = &[
         "",
     ),
     case(
-        "FOR to an unknown bound, frame switched behind",
+        "FOR to an unknown bound, frame switched after it",
         0,
         P,
         "VAR bool far; far:=FALSE; FOR i FROM 1 TO ReadNum(com1) DO IF far THEN MoveL p1,v50,fine,t1\\WObj:=w2; ELSE MoveL p1,v50,fine,t1\\WObj:=w1; ENDIF far:=TRUE; ENDFOR",
@@ -237,14 +237,14 @@ pub(super) const CASES: &[Case] = &[
         "",
     ),
     case(
-        "frame used before and behind a change",
+        "frame used before and after a change",
         1,
         W,
         "MoveL p1,v50,fine,t1\\WObj:=wSet; wSet:=w2; MoveL p2,v50,fine,t1\\WObj:=wSet;",
         "",
     ),
     case(
-        "one target before and behind a change",
+        "one target before and after a change",
         0,
         W,
         "MoveL p1,v50,fine,t1\\WObj:=wSet; wSet:=w2; MoveL p1,v50,fine,t1\\WObj:=wSet;",

@@ -142,7 +142,7 @@ pub(super) const CASES: &[Case] = &[
         "",
     ),
     case(
-        "unknown element used behind",
+        "unknown element used later",
         0,
         P,
         "MoveL pa{1},v50,fine,t1\\WObj:=w1; n:=ReadNum(com1); MoveL pa{n},v50,fine,t2\\WObj:=w2;",
