@@ -376,7 +376,7 @@ fn what_is_known_together_is_as_uncertain_as_it_is_together() {
 
 /// A field over the place that no effect describes: nearly half of the error goes, in the cell as it is written too.
 #[test]
-fn a_field_that_nobody_lists_is_mapped() {
+fn a_field_that_no_effect_describes_is_mapped() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/blind/designed_wander_unlisted-20");
     let found = of_folder(&folder);
     assert!(found.unexplained.significant);
