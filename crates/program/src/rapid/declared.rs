@@ -121,11 +121,8 @@ impl<R: Read + Seek> Declared<R> {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/program.rs"));
 /// let names = deflex_program::rapid::Names::of(&program);
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct Names(Known);
