@@ -4,16 +4,18 @@ use super::{Change, Goal, Insert, Passing, Program, Reason, RewriteOptions, Rewr
 use deflex_text::{Edit, Span};
 use std::ops::Range;
 
+/// What [`Program::rewrite`] is given.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted<'w> {
+    pub(super) changes: &'w [Option<Change>],
+    pub(super) inserts: &'w [Insert],
+    pub(super) options: &'w RewriteOptions,
+}
+
 /// Writes the programs of a language.
 pub(super) trait FrontEnd {
     /// See [`Program::rewrite`]; no insert is refused by [`Program::insertions_refused`].
-    fn rewrite(
-        &self,
-        program: &Program,
-        changes: &[Option<Change>],
-        inserts: &[Insert],
-        options: &RewriteOptions,
-    ) -> Rewritten;
+    fn rewrite(&self, program: &Program, wanted: Wanted<'_>) -> Rewritten;
 
     /// The part of [`Program::insertions_refused`] that depends on the language.
     fn insertions_refused(&self, _program: &Program, before: &[usize]) -> Vec<Option<Reason>> {

@@ -55,6 +55,7 @@ pub use target::{
 };
 
 use deflex_text::{Diagnostic, Edit, Source, Span, applied};
+use front_end::Wanted;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -703,7 +704,7 @@ impl Program {
         let refused = if inserts.is_empty() { Vec::new() } else { self.insertions_refused(&before) };
         let allowed: Vec<Insert> =
             inserts.iter().zip(&refused).filter(|(_, why)| why.is_none()).map(|(insert, _)| insert.clone()).collect();
-        let mut rewritten = self.layout.front_end().rewrite(self, changes, &allowed, options);
+        let mut rewritten = self.layout.front_end().rewrite(self, Wanted { changes, inserts: &allowed, options });
         let mut written = std::mem::take(&mut rewritten.inserted).into_iter();
         rewritten.inserted =
             refused.iter().map(|why| if why.is_some() { None } else { written.next().flatten() }).collect();

@@ -31,18 +31,8 @@ const AHEAD: usize = 4;
 const FIRST: &[u8] = b"MoveL";
 
 /// Divides a program into chunks, and reads no further than needed.
-///
-/// # Examples
-/// ```
-/// use deflex_program::rapid::Chunks;
-///
-/// let file = std::fs::File::open("../../samples/slot/slot.mod")?;
-/// if let Some(mut chunks) = Chunks::sized("slot.mod", file, &[], 4096)? {
-///     chunks.take()?;
-/// }
-/// # Ok::<(), std::io::Error>(())
-/// ```
 #[derive(Debug)]
+#[doc(hidden)]
 pub struct Chunks<R> {
     input: R,
     name: String,
@@ -79,14 +69,6 @@ impl<R: Read> Chunks<R> {
     ///
     /// # Errors
     /// `input` cannot be read.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::rapid::Chunks;
-    ///
-    /// assert!(Chunks::new("note.txt", &b"not a program\n"[..], &[])?.is_none());
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     pub fn new(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
         Self::sized(name, input, context, CHUNK)
     }

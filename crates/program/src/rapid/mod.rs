@@ -80,8 +80,8 @@ pub use frames::declared_frames;
 pub use lines::CHUNK;
 use rewrite::rewrite;
 
-use super::front_end::FrontEnd;
-use super::{Change, Insert, Kept, Language, Passing, Program, Reason, RewriteOptions, Rewritten};
+use super::front_end::{FrontEnd, Wanted};
+use super::{Kept, Language, Passing, Program, Reason, Rewritten};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Edit, Severity, Source, Span};
 use lex::{Cursor, LexemeKind};
@@ -132,16 +132,10 @@ impl Layout {
 }
 
 impl FrontEnd for Layout {
-    fn rewrite(
-        &self,
-        program: &Program,
-        changes: &[Option<Change>],
-        inserts: &[Insert],
-        options: &RewriteOptions,
-    ) -> Rewritten {
+    fn rewrite(&self, program: &Program, wanted: Wanted<'_>) -> Rewritten {
         match &self.again {
-            Some(again) => again.rewrite(program, self, changes, options),
-            None => rewrite(program, self, changes, inserts, options),
+            Some(again) => again.rewrite(program, self, wanted),
+            None => rewrite(program, self, wanted),
         }
     }
 

@@ -254,6 +254,7 @@ impl Writer<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::rewrite;
+    use crate::front_end::Wanted;
     use crate::{Change, Conf, Confdata, Goal, Program, RewriteOptions, Rewritten, rapid};
     use deflex_text::{Source, apply};
     use proptest::prelude::*;
@@ -313,8 +314,9 @@ mod tests {
             }).collect();
             let (layout, options) = (super::super::Layout::of(&program).unwrap(), RewriteOptions::default());
             prop_assert!(super::is_own(&layout.sites));
-            let own = result(&program, &rewrite::rewrite(&program, layout, &changes, &[], &options));
-            let agreed = result(&program, &rewrite::rewrite_agreed(&program, layout, &changes, &[], &options));
+            let wanted = Wanted { changes: &changes, inserts: &[], options: &options };
+            let own = result(&program, &rewrite::rewrite(&program, layout, wanted));
+            let agreed = result(&program, &rewrite::rewrite_agreed(&program, layout, wanted).0);
             prop_assert_eq!(own, agreed);
         }
     }
