@@ -256,7 +256,7 @@ mod tests {
     use super::super::rewrite;
     use crate::front_end::Wanted;
     use crate::{Change, Conf, Confdata, Goal, Program, RewriteOptions, Rewritten, rapid};
-    use deflex_text::{Source, apply};
+    use deflex_text::{Source, applied};
     use proptest::prelude::*;
 
     fn read(literals: &[String]) -> Program {
@@ -267,8 +267,7 @@ mod tests {
     }
 
     fn result(program: &Program, rewritten: &Rewritten) -> (String, String) {
-        let mut out = Vec::new();
-        apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
+        let out = applied(&program.sources[0].bytes, &rewritten.edits[0]);
         (String::from_utf8(out).unwrap(), format!("{:?} {:?}", rewritten.written, rewritten.kept))
     }
 
