@@ -481,6 +481,8 @@ pub enum Binary {
     Multiply,
     /// `/`
     Divide,
+    /// The whole part of a quotient.
+    Quotient,
     /// Remainder.
     Remainder,
     /// `==`

@@ -807,7 +807,7 @@ fn arithmetic(operator: Binary, a: Number, b: Number) -> Content {
         Binary::Divide => Content::Unknown(Reason::Rounding),
         // Languages differ in the sign of the remainder of a negative number.
         Binary::Remainder if exact(x % y) && x >= 0.0 && y > 0.0 => number(x % y, None),
-        Binary::Remainder => Content::Unknown(Reason::Rounding),
+        Binary::Quotient | Binary::Remainder => Content::Unknown(Reason::Rounding),
         Binary::And | Binary::Or | Binary::Xor => Content::Unknown(Reason::Computed),
         compare => compares(compare, a, b),
     }

@@ -27,8 +27,8 @@ pub(super) trait FrontEnd {
         let bytes = &program.sources[source].bytes;
         let without = |span: &Span| {
             let is_over = |byte: &&u8| byte.is_ascii_whitespace() || **byte == b';';
-            let behind = bytes[span.end as usize..].iter().take_while(is_over).count();
-            Edit { span: Span::new(span.start as usize, span.end as usize + behind), content: Vec::new().into() }
+            let blanks = bytes[span.end as usize..].iter().take_while(is_over).count();
+            Edit { span: Span::new(span.start as usize, span.end as usize + blanks), content: Vec::new().into() }
         };
         spans.iter().map(without).collect()
     }

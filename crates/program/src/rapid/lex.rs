@@ -153,7 +153,7 @@ pub(super) struct Cursor<'a> {
     /// Offset at which the cursor stops.
     pub(super) end: usize,
     /// End of the lexeme taken last.
-    pub(super) behind: usize,
+    pub(super) passed: usize,
     /// The last `! deflex …` comment passed, for the code that walks statements.
     pub(super) mark: Option<Mark>,
     /// The lexeme last peeked at, often several times before it is passed.
@@ -163,7 +163,7 @@ pub(super) struct Cursor<'a> {
 impl<'a> Cursor<'a> {
     pub(super) fn new(bytes: &'a [u8], span: Span) -> Self {
         let range = span.range();
-        Self { bytes, at: range.start, end: range.end.min(bytes.len()), behind: range.start, mark: None, seen: NONE }
+        Self { bytes, at: range.start, end: range.end.min(bytes.len()), passed: range.start, mark: None, seen: NONE }
     }
 
     /// Passes blanks and comments.
@@ -210,7 +210,7 @@ impl<'a> Cursor<'a> {
     /// Passes a lexeme that was seen by [`Cursor::peek`].
     pub(super) fn pass(&mut self, lexeme: Lexeme) {
         self.at = lexeme.end;
-        self.behind = lexeme.end;
+        self.passed = lexeme.end;
     }
 
     /// Passes the next lexeme if it is of this kind.
