@@ -230,10 +230,8 @@ pub struct Done {
 ///
 /// # Examples
 /// ```
-/// # use deflex::session::{CellFile, ProgramFiles, Run, compensate_page};
-/// # let cell = CellFile::read("samples/slot/cell.toml".as_ref())?.into();
-/// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
-/// let page = compensate_page(&program, &Run::new(cell))?;
+/// # let (program, run) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/doc/run.rs"));
+/// let page = deflex::session::compensate_page(&program, &run)?;
 /// assert!(page.starts_with("<!DOCTYPE html>"));
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
@@ -249,10 +247,8 @@ pub fn compensate_page(program: &ProgramFiles, run: &Run) -> Result<String, Vec<
 ///
 /// # Examples
 /// ```
-/// # use deflex::session::{CellFile, ProgramFiles, Run, predict_page};
-/// # let cell = CellFile::read("samples/slot/cell.toml".as_ref())?.into();
-/// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
-/// let page = predict_page(&program, None, &Run::new(cell))?;
+/// # let (program, run) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/doc/run.rs"));
+/// let page = deflex::session::predict_page(&program, None, &run)?;
 /// assert!(page.starts_with("<!DOCTYPE html>"));
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
@@ -272,10 +268,8 @@ pub fn predict_page(
 ///
 /// # Examples
 /// ```
-/// # use deflex::session::{CellFile, ProgramFiles, Run, compensate_unrounded};
-/// # let cell = CellFile::read("samples/slot/cell.toml".as_ref())?.into();
-/// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
-/// let columns = compensate_unrounded(&program, &Run::new(cell))?.columns();
+/// # let (program, run) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/doc/run.rs"));
+/// let columns = deflex::session::compensate_unrounded(&program, &run)?.columns();
 /// let (_, errors_mm) = columns.iter().find(|(name, _)| *name == "error_mm").expect("a column of the report");
 /// assert!(errors_mm.iter().all(|mm| *mm > 0.0));
 /// # Ok::<(), deflex::text::Diagnostics>(())
@@ -292,10 +286,8 @@ pub fn compensate_unrounded(program: &ProgramFiles, run: &Run) -> Result<Unround
 ///
 /// # Examples
 /// ```
-/// # use deflex::session::{CellFile, ProgramFiles, Run, predict_unrounded};
-/// # let cell = CellFile::read("samples/slot/cell.toml".as_ref())?.into();
-/// # let program = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
-/// let columns = predict_unrounded(&program, None, &Run::new(cell))?.columns();
+/// # let (program, run) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/doc/run.rs"));
+/// let columns = deflex::session::predict_unrounded(&program, None, &run)?.columns();
 /// assert!(columns.iter().any(|(name, _)| *name == "remaining_mm"));
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```

@@ -6,7 +6,7 @@
 use deflex::cell::Cell;
 use deflex::correct::{Corrected, Options, Summary, compensate};
 use deflex::program::{Program, rapid};
-use deflex::text::{Source, apply};
+use deflex::text::{Source, applied};
 use nalgebra::{Matrix4, Matrix6, Quaternion, Rotation3, UnitQuaternion, Vector3, Vector6};
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::fmt::Write;
@@ -330,8 +330,7 @@ pub(crate) fn corrected(program: &Program, cell: &Cell, subdivide: Option<f64>) 
     let corrected = compensate(program, cell, &options).expect("corrected");
     assert!(corrected.failures.is_empty(), "{:?}", corrected.failures);
     let edits = &corrected.rewritten.as_ref().expect("RAPID").edits[0];
-    let mut text = Vec::new();
-    apply(&program.sources[0].bytes, edits, &mut text).expect("written");
+    let text = applied(&program.sources[0].bytes, edits);
     (corrected, String::from_utf8(text).expect("text"))
 }
 

@@ -4,7 +4,7 @@ use deflex::cell::Cell;
 use deflex::correct::{Options, compensate};
 use deflex::program::rapid;
 use deflex::report::csv_rows;
-use deflex::text::{Source, apply};
+use deflex::text::{Source, applied};
 use proptest::prelude::*;
 use std::fmt::Write;
 
@@ -86,8 +86,7 @@ fn run(text: &str, cell: &str) -> (String, String) {
     let cell = Cell::read(&Source::new("cell.toml", cell)).unwrap();
     let corrected = compensate(&program, &cell, &Options::default()).unwrap();
     assert!(corrected.failures.is_empty(), "{:?}", corrected.failures.first());
-    let mut out = Vec::new();
-    apply(&program.sources[0].bytes, &corrected.rewritten.unwrap().edits[0], &mut out).unwrap();
+    let out = applied(&program.sources[0].bytes, &corrected.rewritten.unwrap().edits[0]);
     (String::from_utf8(out).unwrap(), String::from_utf8(csv_rows(&corrected.rows)).unwrap())
 }
 

@@ -7,7 +7,7 @@ use deflex::correct::{Options, Sinks, StreamError, compensate, compensate_execut
 use deflex::program::AnyChunks;
 use deflex::program::rapid::{self, Executed};
 use deflex::report::{CSV_HEADER, csv_rows, write_csv};
-use deflex::text::{Diagnostic, Source, apply};
+use deflex::text::{Diagnostic, Source, applied};
 use std::io::Cursor;
 
 /// Corrections that depend on the way into a target, and on the start of an arc: runs of one motion may not agree.
@@ -32,8 +32,7 @@ fn sources(modules: &[String]) -> Vec<Source> {
 
 fn edited(sources: &[Source], edits: &[Vec<deflex::text::Edit>]) -> Vec<String> {
     let text = |(source, edits): (&Source, &Vec<_>)| {
-        let mut bytes = Vec::new();
-        apply(&source.bytes, edits, &mut bytes).unwrap();
+        let bytes = applied(&source.bytes, edits);
         String::from_utf8(bytes).unwrap()
     };
     sources.iter().zip(edits).map(text).collect()

@@ -5,7 +5,7 @@ use deflex::cell::Cell;
 use deflex::correct::{Corrected, Options, PostOptions, Prepared, compensate, post, predict};
 use deflex::program::{Language, Program, cl, krl, rapid};
 use deflex::robot::{AxisName, Pose};
-use deflex::text::{Severity, Source, apply};
+use deflex::text::{Severity, Source, applied};
 use nalgebra::{Rotation3, Translation3, Vector3};
 
 const TOOL: &str = "
@@ -221,8 +221,7 @@ fn in_rapid(more: impl Fn(usize) -> Option<String>) -> Program {
 }
 
 fn rewritten(program: &Program, corrected: &Corrected) -> Program {
-    let mut bytes = Vec::new();
-    apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut bytes).unwrap();
+    let bytes = applied(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0]);
     rapid::read(vec![Source::new("m.mod", bytes)], Vec::new()).unwrap()
 }
 

@@ -6,7 +6,7 @@ use deflex::correct::{Options, compensate, predict};
 use deflex::identify::{Identification, Input, MeasuredRun, identify};
 use deflex::measured::Table;
 use deflex::program::{Program, rapid};
-use deflex::text::{Source, apply};
+use deflex::text::{Source, applied};
 
 /// A raster over the table, line by line to and fro, mm.
 fn raster() -> Vec<[f64; 2]> {
@@ -60,8 +60,7 @@ fn found(cell: &Cell, run: MeasuredRun) -> Identification {
 fn corrected(cell: &Cell, options: &Options) -> Program {
     let program = program();
     let done = compensate(&program, cell, options).unwrap();
-    let mut bytes = Vec::new();
-    apply(&program.sources[0].bytes, &done.rewritten.unwrap().edits[0], &mut bytes).unwrap();
+    let bytes = applied(&program.sources[0].bytes, &done.rewritten.unwrap().edits[0]);
     rapid::read(vec![Source::new("corrected.mod", bytes)], Vec::new()).unwrap()
 }
 

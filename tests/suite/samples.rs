@@ -4,7 +4,7 @@ use deflex::cell::Cell;
 use deflex::correct::{Options, Prepared, Status, compensate, predict};
 use deflex::measured::Table;
 use deflex::program::{Program, Role, cl, rapid};
-use deflex::text::{Source, apply};
+use deflex::text::{Source, applied};
 use nalgebra::Matrix6;
 use std::path::Path;
 
@@ -26,8 +26,7 @@ fn lands(program: &Program, cell: &Cell, options: &Options) {
         assert!(row.remaining_norm_mm() < REMAINS_MM, "target {}: {:?}", row.target, row.remaining_mm);
     }
     let Some(rewritten) = corrected.rewritten else { return };
-    let mut bytes = Vec::new();
-    apply(&program.sources[0].bytes, &rewritten.edits[0], &mut bytes).unwrap();
+    let bytes = applied(&program.sources[0].bytes, &rewritten.edits[0]);
     let again = rapid::read(vec![Source::new("corrected.mod", bytes)], Vec::new()).unwrap();
     let before = predict(program, cell, options, None).unwrap();
     let after = predict(&again, cell, options, Some(program)).unwrap();

@@ -7,7 +7,7 @@ use deflex::correct::{Correct, Corrected, Options, Prepared, Status, compensate,
 use deflex::identify::{Input, identify};
 use deflex::program::{Program, rapid};
 use deflex::robot::{AxisName, Carries, Pose, Unit, UnitKind, Units};
-use deflex::text::{Source, apply};
+use deflex::text::{Source, applied};
 use nalgebra::{Isometry3, Matrix4, Rotation3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
@@ -227,8 +227,7 @@ fn the_arm_goes_where_the_units_have_taken_base_and_part() {
 /// A program as it is written.
 fn rewritten(program: &Program, corrected: &Corrected) -> Program {
     let rewritten = corrected.rewritten.as_ref().unwrap();
-    let mut bytes = Vec::new();
-    apply(&program.sources[0].bytes, &rewritten.edits[0], &mut bytes).unwrap();
+    let bytes = applied(&program.sources[0].bytes, &rewritten.edits[0]);
     rapid::read(vec![Source::new("m.mod", bytes)], Vec::new()).unwrap()
 }
 

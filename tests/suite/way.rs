@@ -6,7 +6,7 @@ use deflex::cell::Cell;
 use deflex::correct::{Corrected, Options, Row, Status, WayFault, WayFinding, compensate, predict};
 use deflex::program::{Program, krl, rapid};
 use deflex::robot::LimitedAngle;
-use deflex::text::{Source, apply};
+use deflex::text::{Source, applied};
 use std::fmt::Write;
 
 /// Agreement, mm.
@@ -161,8 +161,7 @@ fn agree(drawn: &Drawn, cell: &Cell, subdivide: Option<f64>, tally: &mut [usize;
     if !failures.is_empty() {
         return;
     }
-    let mut text = Vec::new();
-    apply(&original.sources[0].bytes, &rewritten.edits[0], &mut text).unwrap();
+    let text = applied(&original.sources[0].bytes, &rewritten.edits[0]);
     let shown = String::from_utf8_lossy(&text);
     let given = drawn.read(&text);
     let judged = match predict(&given, cell, &Options::default(), Some(&original)) {

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 ///
 /// # Examples
 /// ```
-/// # let (_, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (_, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// let cut = cell.cut.as_ref().expect("a [cut] table");
 /// assert!(cut.max_cutting_feed.is_none());
 /// # Ok::<(), deflex_text::Diagnostics>(())
@@ -33,7 +33,7 @@ pub struct Cut {
 ///
 /// # Examples
 /// ```
-/// # let (_, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (_, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// use deflex_cell::CutForce;
 ///
 /// assert!(matches!(cell.cut.as_ref().expect("a [cut] table").force, CutForce::Mechanistic));
@@ -104,7 +104,7 @@ pub(crate) enum EngagementMode {
 ///
 /// # Examples
 /// ```
-/// # let (_, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (_, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// let milling = cell.milling("tMill").expect("a complete description");
 /// println!("{} mm, {} teeth", 1e3 * milling.cutter.diameter, milling.cutter.teeth);
 /// # Ok::<(), deflex_text::Diagnostics>(())
@@ -128,7 +128,7 @@ pub struct MillingCut {
 ///
 /// # Examples
 /// ```
-/// # let (_, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (_, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// use deflex_cell::EngagementSource;
 ///
 /// let milling = cell.milling("tMill").expect("a complete description");

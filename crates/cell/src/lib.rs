@@ -122,7 +122,7 @@ impl Cell {
 ///
 /// # Examples
 /// ```
-/// # let (_, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (_, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// assert_eq!(cell.limits.max_correction, 1e-3); // m
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```

@@ -100,7 +100,7 @@ impl WayFault {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// for finding in &corrected.on_the_way {
 ///     println!("{} at target {}", finding.fault.code(), finding.index);

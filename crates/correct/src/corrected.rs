@@ -12,7 +12,7 @@ use serde::Serialize;
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// assert!(corrected.failures.is_empty() && corrected.rewritten.is_some());
 /// println!("{} rows", corrected.rows.len());

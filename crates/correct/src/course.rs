@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let prepared = deflex_correct::Prepared::new(&program, &cell, &Default::default())?;
 /// use deflex_correct::Course;
 ///
@@ -73,7 +73,7 @@ impl<T> NotedWaypoints<T> {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// let path = deflex_correct::loaded_path(&program, &cell, &Default::default())?;
 /// let sample = &path.samples[path.samples.len() / 2];
 /// println!("{:.1} s: {:.3} m/s, {:.0} N", sample.time, sample.feed, sample.force.norm());
@@ -102,7 +102,7 @@ pub struct LoadedSample {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// let path = deflex_correct::loaded_path(&program, &cell, &Default::default())?;
 /// assert!(!path.samples.is_empty());
 /// # Ok::<(), deflex_text::Diagnostics>(())

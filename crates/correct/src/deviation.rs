@@ -26,7 +26,7 @@ pub(super) const JUMP_WITHIN: f64 = 0.5e-3;
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// let longest = corrected.rows.iter().filter_map(|row| row.path).map(|path| path.length_mm).fold(0.0, f64::max);
 /// assert!(longest > 0.0); // mm

@@ -46,7 +46,7 @@ pub enum KeptReason {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// for kept in deflex_correct::Summary::of(&corrected.rows).kept {
 ///     println!("{} targets: {}", kept.count, kept.reason);

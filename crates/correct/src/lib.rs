@@ -182,7 +182,7 @@ fn is_held_whole(cell: &Cell, options: &Options) -> bool {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// use deflex_correct::{Options, Prepared};
 ///
 /// let prepared = Prepared::new(&program, &cell, &Options::default())?;

@@ -16,7 +16,7 @@ use std::sync::Arc;
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let prepared = deflex_correct::Prepared::new(&program, &cell, &Default::default())?;
 /// let point = &prepared.points[0];
 /// println!("{:.1} s, {:.3} m/s", point.time, point.velocity.norm());

@@ -11,7 +11,7 @@ use std::sync::Arc;
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// use deflex_correct::Status;
 ///
@@ -33,7 +33,7 @@ pub enum Status {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// let names = corrected.rows[0].names.as_ref().expect("names of tool and work object");
 /// println!("{} in {}", names.tool, names.wobj);
@@ -53,7 +53,7 @@ pub struct RowNames {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// let row = &corrected.rows[10];
 /// println!("line {}: error {:?} mm, correction {:?} mm", row.line, row.error_mm, row.correction_mm);
@@ -121,7 +121,7 @@ pub struct Row {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// use deflex_correct::{Options, compensate};
 ///
 /// let rows = compensate(&program, &cell, &Options { stance: true, ..Options::default() })?.rows;
@@ -153,7 +153,7 @@ pub struct Stance {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// use deflex_correct::{Options, compensate};
 ///
 /// let rows = compensate(&program, &cell, &Options { stiffness: true, ..Options::default() })?.rows;
@@ -288,7 +288,7 @@ impl Row {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// let summary = deflex_correct::Summary::of(&corrected.rows);
 /// assert_eq!(summary.targets, summary.corrected + summary.unchanged + summary.air);

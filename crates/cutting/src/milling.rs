@@ -22,12 +22,21 @@ const BALL: f64 = 1e-9;
 /// # Examples
 /// ```
 /// use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
+/// use nalgebra::Vector3;
 ///
 /// let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
 /// let slot = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
 /// let material = materials::find("ni-al-bronze").expect("a material");
 /// let milling = Milling::new(cutter, slot, material.coefficients).expect("a possible cut");
-/// assert_eq!(milling.cutter().teeth, 3);
+/// assert_eq!((milling.cutter().teeth, milling.engagement().depth), (3, 1e-3)); // m
+/// let axis = milling.axis_in_feed();
+/// assert!(axis.x > 0.0); // the tool leans forward by 0.1 rad
+/// let programmed = milling.mean_force(&Vector3::zeros(), &axis);
+/// let shallower = milling.mean_force(&Vector3::new(0.0, 0.0, 1e-4), &axis); // lifted by 0.1 mm
+/// assert!(shallower.norm() < programmed.norm()); // N
+/// let parts = milling.force_parts(&Vector3::zeros(), &axis);
+/// assert!((parts.at(slot.feed_per_tooth) - programmed).norm() < 1e-9);
+/// println!("{:?}", milling.contact_point(&axis));
 /// ```
 #[derive(Clone, Debug)]
 pub struct Milling {
@@ -139,33 +148,11 @@ impl Milling {
     }
 
     /// The programmed engagement.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// assert_eq!(milling.engagement().depth, 1e-3); // m
-    /// ```
     pub fn engagement(&self) -> &Engagement {
         &self.engagement
     }
 
     /// Tool axis, tip to spindle, in the feed frame for the programmed lead and tilt.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// assert!(milling.axis_in_feed().x > 0.0); // the tool leans forward by 0.1 rad
-    /// ```
     pub fn axis_in_feed(&self) -> Unit<Vector3<f64>> {
         self.axis
     }
@@ -175,38 +162,11 @@ impl Milling {
     /// `shift` is the tip's displacement from the programmed one (m, feed frame; only that along z
     /// counts), `axis` the actual direction of the tool axis, tip to spindle. In up and down milling the
     /// neighbouring pass is assumed to have the same displacement. Zero out of the material.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// let shallower = milling.mean_force(&Vector3::new(0.0, 0.0, 1e-4), &milling.axis_in_feed()); // lifted by 0.1 mm
-    /// let programmed = milling.mean_force(&Vector3::zeros(), &milling.axis_in_feed());
-    /// assert!(shallower.norm() < programmed.norm()); // N
-    /// ```
     pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> Vector3<f64> {
         self.force_parts(shift, axis).at(self.engagement.feed_per_tooth)
     }
 
     /// [`Milling::mean_force`] split for use at any feed per tooth.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// let axis = milling.axis_in_feed();
-    /// let parts = milling.force_parts(&Vector3::zeros(), &axis);
-    /// let force = parts.at(milling.engagement().feed_per_tooth);
-    /// assert!((force - milling.mean_force(&Vector3::zeros(), &axis)).norm() < 1e-9);
-    /// ```
     pub fn force_parts(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>) -> ForceParts {
         let feed_across = axis.y.hypot(axis.z);
         if axis.z <= 0.0 || feed_across <= 0.0 {
@@ -228,18 +188,6 @@ impl Milling {
     }
 
     /// The cutter's lowest point with its axis turned to `axis`.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// let contact = milling.contact_point(&milling.axis_in_feed());
-    /// println!("{contact:?}");
-    /// ```
     pub fn contact_point(&self, axis: &Unit<Vector3<f64>>) -> ContactPoint {
         ContactPoint::of(&self.cutter, axis)
     }

@@ -60,6 +60,12 @@ pub(super) type Values = [f64; 6];
 /// let material = materials::find("ni-al-bronze").expect("a material");
 /// let table = ForceTable::new(Milling::new(cutter, slot, material.coefficients).expect("a possible cut"));
 /// assert!(table.measured_error().is_none_or(|error| error < TABLE_BOUND));
+/// if let Some([shift, tilt]) = table.ranges() {
+///     println!("the table holds for {:.2} mm and {:.1}°", 1e3 * shift, tilt.to_degrees());
+/// }
+/// let (axis, nowhere) = (table.milling().axis_in_feed(), nalgebra::Vector3::zeros());
+/// let exact = table.milling().mean_force(&nowhere, &axis);
+/// assert!((table.mean_force(&nowhere, &axis, 7e-5) - exact).norm() < 0.01 * exact.norm());
 /// ```
 #[derive(Clone, Debug)]
 pub struct ForceTable {
@@ -130,18 +136,6 @@ impl ForceTable {
     }
 
     /// The cut to which the table belongs.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// # let table = std::sync::Arc::new(deflex_cutting::ForceTable::new(milling));
-    /// assert_eq!(table.milling().cutter().teeth, 3);
-    /// ```
     pub fn milling(&self) -> &Milling {
         &self.milling
     }
@@ -153,41 +147,12 @@ impl ForceTable {
 
     /// Ranges around the programmed pose in both directions: depth (m; towards larger depths it may be wider) and turn
     /// of the axis (rad).
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// # let table = std::sync::Arc::new(deflex_cutting::ForceTable::new(milling));
-    /// if let Some([shift, tilt]) = table.ranges() {
-    ///     println!("the table holds for {:.2} mm and {:.1}°", 1e3 * shift, tilt.to_degrees());
-    /// }
-    /// ```
     pub fn ranges(&self) -> Option<[f64; 2]> {
         let of = |g: &Grid| [g.depth_range + g.depth_middle, g.turn_range];
         self.grid.as_ref().map(of)
     }
 
     /// [`Milling::mean_force`] at a feed per tooth (m), within [`TABLE_BOUND`] of it.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::{Cutter, Engagement, Milling, Mode, materials};
-    /// # use nalgebra::Vector3;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// # let engagement = Engagement { mode: Mode::Slot, depth: 1e-3, width: 0.025, feed_per_tooth: 7e-5, lead: 0.1, tilt: 0.0 };
-    /// # let material = materials::find("ni-al-bronze").expect("a material");
-    /// # let milling = Milling::new(cutter, engagement, material.coefficients).expect("a possible cut");
-    /// # let table = std::sync::Arc::new(deflex_cutting::ForceTable::new(milling));
-    /// let axis = table.milling().axis_in_feed();
-    /// let force = table.mean_force(&Vector3::zeros(), &axis, 7e-5);
-    /// let exact = table.milling().mean_force(&Vector3::zeros(), &axis);
-    /// assert!((force - exact).norm() < 0.01 * exact.norm());
-    /// ```
     #[inline]
     pub fn mean_force(&self, shift: &Vector3<f64>, axis: &Unit<Vector3<f64>>, feed_per_tooth: f64) -> Vector3<f64> {
         let integral = || self.milling.force_parts(shift, axis).at(feed_per_tooth);

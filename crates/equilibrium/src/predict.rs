@@ -14,7 +14,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 ///
 /// # Examples
 /// ```
-/// # let (arm, situation, motor) = include!("../../../tests/doc/arm.rs");
+/// # let (arm, situation, motor) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/arm.rs"));
 /// use deflex_robot::Joints;
 ///
 /// let loaded = arm.predict(&situation, &motor, &Joints::zeros()).expect("an equilibrium");
@@ -39,7 +39,7 @@ pub struct Equilibrium {
 ///
 /// # Examples
 /// ```
-/// # let (arm, situation, motor) = include!("../../../tests/doc/arm.rs");
+/// # let (arm, situation, motor) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/arm.rs"));
 /// use deflex_robot::Joints;
 ///
 /// let load = arm.predict(&situation, &motor, &Joints::zeros()).expect("an equilibrium").load;

@@ -9,14 +9,7 @@ use deflex_program::Program;
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_measured::Table;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let read = |name: &str| std::fs::read(format!("../../samples/closed-loop/{name}")).map(|bytes| Source::new(name, bytes));
-/// # let cell = Cell::read(&read("cell.toml")?)?;
-/// # let program = rapid::read(vec![read("part.mod")?], vec![])?;
-/// # let table = Table::read(&read("measured.csv")?)?;
+/// # let (cell, program, table) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/closed_loop.rs"));
 /// use deflex_identify::{Input, Written};
 ///
 /// let input = Input {
@@ -28,7 +21,6 @@ use deflex_program::Program;
 ///     written: Written::WholeModel,
 ///     progress: &|share| share < 1.0,
 /// };
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 pub struct Input<'a> {
     /// The declared cell.
@@ -51,19 +43,11 @@ pub struct Input<'a> {
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_measured::Table;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let read = |name: &str| std::fs::read(format!("../../samples/closed-loop/{name}")).map(|bytes| Source::new(name, bytes));
-/// # let cell = Cell::read(&read("cell.toml")?)?;
-/// # let program = rapid::read(vec![read("part.mod")?], vec![])?;
-/// # let table = Table::read(&read("measured.csv")?)?;
+/// # let (cell, program, table) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/closed_loop.rs"));
 /// use deflex_identify::MeasuredRun;
 ///
 /// let run = MeasuredRun { program, original: None, table };
 /// println!("{} measured rows", run.table.rows.len());
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Debug)]
 pub struct MeasuredRun {

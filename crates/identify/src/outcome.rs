@@ -9,14 +9,7 @@ use serde::Serialize;
 ///
 /// # Examples
 /// ```
-/// # use deflex_cell::Cell;
-/// # use deflex_measured::Table;
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let read = |name: &str| std::fs::read(format!("../../samples/closed-loop/{name}")).map(|bytes| Source::new(name, bytes));
-/// # let cell = Cell::read(&read("cell.toml")?)?;
-/// # let program = rapid::read(vec![read("part.mod")?], vec![])?;
-/// # let table = Table::read(&read("measured.csv")?)?;
+/// # let (cell, program, table) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/closed_loop.rs"));
 /// # use deflex_identify::{Input, Written, identify};
 /// # let input = Input { cell: &cell, runs: vec![(program, table).into()], poses: vec![], tool: None, data_hash: "", written: Written::WholeModel, progress: &|_| true };
 /// # let found = identify(input)?;

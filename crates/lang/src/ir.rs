@@ -40,8 +40,7 @@ pub struct Program {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// let place = program.tokens[0]; // the first number of the text
 /// assert_eq!((place.source, &text[place.span.range()]), (0, &b"0.5"[..]));
 /// ```
@@ -57,9 +56,7 @@ pub struct SourceSpan {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
-/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// let x = outcome.motions[0].to.pose().unwrap().affine(0).unwrap();
 /// assert_eq!(&text[program.tokens[x.token.0 as usize].span.range()], b"0.5");
 /// ```
@@ -73,8 +70,7 @@ pub type Token = SourceSpan;
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// for function in &program.entries {
 ///     println!("a run begins with `{}`", program.functions[function.0 as usize].name);
 /// }
@@ -86,8 +82,7 @@ pub struct FunctionId(pub u32);
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// use deflex_lang::ir::Slot;
 ///
 /// /// The name of a global variable.
@@ -109,9 +104,7 @@ pub enum Slot {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
-/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// use deflex_lang::ir::Switch;
 ///
 /// let tool = &outcome.motions[0].switches[Switch::Tool as usize];
@@ -146,8 +139,7 @@ impl Switch {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
 /// assert_eq!((part.parameters.len(), part.body.len()), (0, 1));
 /// ```
@@ -187,8 +179,7 @@ pub struct Parameter {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// # let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
 /// let mut statements = 0;
 /// part.body[0].each(&mut |_| statements += 1);
@@ -206,8 +197,7 @@ pub struct Statement {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// # let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
 /// use deflex_lang::ir::StatementKind;
 ///
@@ -274,9 +264,7 @@ pub enum StatementKind {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
-/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// use deflex_lang::ir::Path;
 ///
 /// assert_eq!(outcome.motions[0].path, Path::Linear);
@@ -301,8 +289,7 @@ pub enum Path {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// # let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
 /// use deflex_lang::ir::{Motion, Path, StatementKind};
 ///
@@ -330,8 +317,7 @@ pub struct Motion {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// # let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
 /// use deflex_lang::ir::ExpressionKind;
 ///
@@ -352,8 +338,7 @@ pub struct Expression {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// # let part = program.functions.iter().find(|function| &*function.name == "part").unwrap();
 /// use deflex_lang::ir::ExpressionKind;
 ///
@@ -496,6 +481,8 @@ pub enum Binary {
     Multiply,
     /// `/`
     Divide,
+    /// The whole part of a quotient.
+    Quotient,
     /// Remainder.
     Remainder,
     /// `==`

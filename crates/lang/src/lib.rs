@@ -29,6 +29,7 @@ mod store;
 pub mod tp;
 pub mod urscript;
 pub mod value;
+#[doc(hidden)]
 pub mod walk;
 
 pub use reason::Reason;

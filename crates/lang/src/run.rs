@@ -20,9 +20,7 @@ use std::sync::Arc;
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
-/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// println!("{} motions, {} numbers with another use", outcome.motions.len(), outcome.used.len());
 /// ```
 #[derive(Debug, Default)]
@@ -37,9 +35,7 @@ pub struct Outcome {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
-/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// let moved = &outcome.motions[0];
 /// assert_eq!((moved.speed, moved.in_thread), (Some(0.025), false));
 /// assert_eq!(moved.to.pose().unwrap().pose().translation.x, 0.5);
@@ -70,9 +66,7 @@ pub struct Moved {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
-/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// assert_eq!(outcome.motions[0].from, deflex_lang::run::Predecessor::Start);
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -90,8 +84,7 @@ pub enum Predecessor {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// use deflex_lang::run::{TooLong, run};
 ///
 /// match run(&program, &deflex_lang::urscript::UrScript) {
@@ -116,8 +109,7 @@ const DEEPEST: usize = 32;
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
 /// assert_eq!(outcome.motions.len(), 1);
 /// ```
@@ -815,7 +807,7 @@ fn arithmetic(operator: Binary, a: Number, b: Number) -> Content {
         Binary::Divide => Content::Unknown(Reason::Rounding),
         // Languages differ in the sign of the remainder of a negative number.
         Binary::Remainder if exact(x % y) && x >= 0.0 && y > 0.0 => number(x % y, None),
-        Binary::Remainder => Content::Unknown(Reason::Rounding),
+        Binary::Quotient | Binary::Remainder => Content::Unknown(Reason::Rounding),
         Binary::And | Binary::Or | Binary::Xor => Content::Unknown(Reason::Computed),
         compare => compares(compare, a, b),
     }

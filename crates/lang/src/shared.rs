@@ -10,9 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
-/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// use deflex_lang::shared::{Editable, editable};
 ///
 /// match editable(&outcome)[0] {
@@ -38,9 +36,7 @@ const POSITION: usize = 3;
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
-/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// use deflex_lang::shared::{Editable, editable};
 ///
 /// assert_eq!(editable(&outcome), [Editable::Pose]);

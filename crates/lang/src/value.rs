@@ -69,9 +69,7 @@ pub struct Value {
 ///
 /// # Examples
 /// ```
-/// # let text = b"def part():\n  movel(p[0.5, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.025)\nend\n";
-/// # let program = deflex_lang::urscript::read(&[text], 1).unwrap();
-/// # let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
 /// use deflex_lang::value::Content;
 ///
 /// assert!(matches!(outcome.motions[0].to.content, Content::Pose(_)));

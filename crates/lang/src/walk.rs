@@ -13,21 +13,10 @@ use std::collections::{BTreeMap, BTreeSet};
 /// many rounds take less than a second.
 const MAX_UNCERTAIN_ROUNDS: u32 = 10_000;
 
+/// Number of values that are compared and copied in about the time in which a statement runs.
+pub const VALUES_PER_STEP: usize = 256;
+
 /// Why a run stops.
-///
-/// # Examples
-/// ```
-/// use deflex_lang::walk::Stop;
-///
-/// /// The sentence for a run that stops.
-/// fn sentence(stop: Stop) -> &'static str {
-///     match stop {
-///         Stop::Ends => "the program ends, or continues forever",
-///         Stop::TooLong => "the program is too long",
-///     }
-/// }
-/// assert_eq!(sentence(Stop::TooLong), "the program is too long");
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// The program ends, or continues forever.
@@ -37,20 +26,6 @@ pub enum Stop {
 }
 
 /// A place where two paths meet.
-///
-/// # Examples
-/// ```
-/// use deflex_lang::walk::Meeting;
-///
-/// /// Where two states meet.
-/// fn place(meeting: Meeting) -> &'static str {
-///     match meeting {
-///         Meeting::Branches => "after a branch",
-///         Meeting::Rounds => "at the beginning of a round",
-///     }
-/// }
-/// assert_eq!(place(Meeting::Rounds), "at the beginning of a round");
-/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Meeting {
     /// After one of several branches.
@@ -164,33 +139,6 @@ pub trait Machine {
 ///
 /// # Errors
 /// The routine has no end, or the run stops within it.
-///
-/// # Examples
-/// ```
-/// # use deflex_lang::walk::{Machine, Meeting, Stop};
-/// # struct Sum;
-/// # impl Machine for Sum {
-/// #     type Step = u32;
-/// #     type Test = bool;
-/// #     type State = u32;
-/// #     type Mark = ();
-/// #     fn step(&mut self, _: usize, step: u32, state: &mut u32) -> Result<(), Stop> { *state += step; Ok(()) }
-/// #     fn holds(&mut self, _: usize, test: bool, _: &mut u32) -> Result<Option<bool>, Stop> { Ok(Some(test)) }
-/// #     fn join(&mut self, _: &mut u32, _: &u32, _: Meeting) -> bool { false }
-/// #     fn lose_place(&self, _: &mut u32) {}
-/// #     fn is_same(&self, a: &u32, b: &u32) -> bool { a == b }
-/// #     fn is_recording(&mut self) -> &mut bool { Box::leak(Box::new(true)) }
-/// #     fn mark(&mut self) {}
-/// #     fn back_to(&mut self, (): ()) {}
-/// #     fn is_too_much(&self, (): ()) -> bool { false }
-/// # }
-/// use deflex_lang::{flow::Flow, walk::walk};
-///
-/// // `Sum` is the machine of the example of `Machine`: its steps add a number.
-/// let mut flow = Flow::default();
-/// flow.add(|routine| routine.step(2));
-/// assert_eq!(walk(&mut Sum, &flow, 0, 40), Ok(42));
-/// ```
 pub fn walk<M: Machine>(
     machine: &mut M,
     flow: &Flow<M::Step, M::Test>,

@@ -7,15 +7,10 @@ use std::sync::Arc;
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::cl::{self, ClOptions, Units};
-/// # use deflex_text::Source;
-/// # let options = ClOptions { units: Some(Units::Millimetre), any_tool: true, ..ClOptions::default() };
-/// # let file = Source::new("blade.aptsource", std::fs::read("../../samples/blade/blade.aptsource")?);
-/// # let program = cl::read(file, &options)?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/blade.rs"));
 /// for action in &program.actions {
 ///     println!("line {}: {:?}", action.line, action.kind);
 /// }
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Action {
@@ -34,16 +29,13 @@ pub struct Action {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::cl::{self, ClOptions, Units};
-/// # use deflex_text::Source;
-/// # let options = ClOptions { units: Some(Units::Millimetre), any_tool: true, ..ClOptions::default() };
-/// # let file = Source::new("blade.aptsource", std::fs::read("../../samples/blade/blade.aptsource")?);
-/// # let program = cl::read(file, &options)?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/blade.rs"));
 /// use deflex_program::ActionKind;
 ///
 /// let starts = program.actions.iter().filter(|action| matches!(action.kind, ActionKind::SpindleOn { .. }));
 /// println!("the spindle starts {} times", starts.count());
-/// # Ok::<(), deflex_text::Diagnostics>(())
+/// assert_eq!(ActionKind::SpindleOff.template(), Some("spindle_off")); // its key under `[cl.post]`
+/// assert_eq!(ActionKind::Dwell { seconds: 1.0 }.template(), None);
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -101,14 +93,6 @@ impl ActionKind {
     }
 
     /// The key of its template under `[cl.post]`; `None` if every language has a statement for it.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::ActionKind;
-    ///
-    /// assert_eq!(ActionKind::SpindleOff.template(), Some("spindle_off")); // its key under `[cl.post]`
-    /// assert_eq!(ActionKind::Dwell { seconds: 1.0 }.template(), None);
-    /// ```
     #[must_use]
     pub fn template(&self) -> Option<&'static str> {
         Some(match self {

@@ -8,26 +8,19 @@ use deflex_text::Diagnostic;
 use std::io::{self, Read, Seek};
 
 /// A chunk that was taken. Any thread may read it.
-#[derive(Debug)]
-pub enum UnreadChunk {
-    /// RAPID.
-    Rapid(Box<rapid::Chunk>),
-    /// KRL.
-    Krl(Box<krl::Chunk>),
-    /// A chunk that is read when it is taken.
-    Read(Box<StreamableChunk>),
-}
+pub struct UnreadChunk(Box<dyn FnOnce() -> Option<StreamableChunk> + Send>);
 
 impl UnreadChunk {
     /// Reads it; `None` if it turns out that only the whole program can be read.
     #[must_use]
     pub fn read(self) -> Option<StreamableChunk> {
-        match self {
-            Self::Rapid(chunk) => chunk.read(),
-            Self::Krl(chunk) => chunk.read(),
-            Self::Read(chunk) => Some(*chunk),
-        }
+        (self.0)()
     }
+}
+
+/// A chunk of these, once it was taken.
+fn unread<C: Send + 'static>(chunk: C, read: fn(C) -> Option<StreamableChunk>) -> UnreadChunk {
+    UnreadChunk(Box::new(move || read(chunk)))
 }
 
 /// Divides a long program into chunks.
@@ -107,19 +100,19 @@ impl<R: Read> ChunkReader for rapid::Chunks<R> {
     }
 
     fn take(&mut self) -> io::Result<Next<UnreadChunk>> {
-        Ok(Self::take(self)?.map(|chunk| UnreadChunk::Rapid(Box::new(chunk))))
+        Ok(Self::take(self)?.map(|chunk| unread(chunk, rapid::Chunk::read)))
     }
 }
 
 impl<R: Read + Seek> ChunkReader for rapid::Declared<R> {
     fn take(&mut self) -> io::Result<Next<UnreadChunk>> {
-        Ok(Self::take(self)?.map(|chunk| UnreadChunk::Rapid(Box::new(chunk))))
+        Ok(Self::take(self)?.map(|chunk| unread(chunk, rapid::Chunk::read)))
     }
 }
 
 impl ChunkReader for rapid::ExecutedChunks {
     fn take(&mut self) -> io::Result<Next<UnreadChunk>> {
-        Ok(Self::take(self)?.map(|chunk| UnreadChunk::Read(Box::new(chunk))))
+        Ok(Self::take(self)?.map(|chunk| unread(chunk, Some)))
     }
 }
 
@@ -129,7 +122,7 @@ impl<R: Read> ChunkReader for cl::Chunks<R> {
     }
 
     fn take(&mut self) -> io::Result<Next<UnreadChunk>> {
-        Ok(Self::take(self)?.map(|chunk| UnreadChunk::Read(Box::new(chunk))))
+        Ok(Self::take(self)?.map(|chunk| unread(chunk, Some)))
     }
 
     fn warnings(&self) -> Vec<Diagnostic> {
@@ -143,7 +136,7 @@ impl<R: Read> ChunkReader for krl::Chunks<R> {
     }
 
     fn take(&mut self) -> io::Result<Next<UnreadChunk>> {
-        Ok(Self::take(self)?.map(|chunk| UnreadChunk::Krl(Box::new(chunk))))
+        Ok(Self::take(self)?.map(|chunk| unread(chunk, krl::Chunk::read)))
     }
 }
 

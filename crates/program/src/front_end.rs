@@ -4,16 +4,18 @@ use super::{Change, Goal, Insert, Passing, Program, Reason, RewriteOptions, Rewr
 use deflex_text::{Edit, Span};
 use std::ops::Range;
 
+/// What [`Program::rewrite`] is given.
+#[derive(Clone, Copy)]
+pub(super) struct Wanted<'w> {
+    pub(super) changes: &'w [Option<Change>],
+    pub(super) inserts: &'w [Insert],
+    pub(super) options: &'w RewriteOptions,
+}
+
 /// Writes the programs of a language.
 pub(super) trait FrontEnd {
     /// See [`Program::rewrite`]; no insert is refused by [`Program::insertions_refused`].
-    fn rewrite(
-        &self,
-        program: &Program,
-        changes: &[Option<Change>],
-        inserts: &[Insert],
-        options: &RewriteOptions,
-    ) -> Rewritten;
+    fn rewrite(&self, program: &Program, wanted: Wanted<'_>) -> Rewritten;
 
     /// The part of [`Program::insertions_refused`] that depends on the language.
     fn insertions_refused(&self, _program: &Program, before: &[usize]) -> Vec<Option<Reason>> {
@@ -25,8 +27,8 @@ pub(super) trait FrontEnd {
         let bytes = &program.sources[source].bytes;
         let without = |span: &Span| {
             let is_over = |byte: &&u8| byte.is_ascii_whitespace() || **byte == b';';
-            let behind = bytes[span.end as usize..].iter().take_while(is_over).count();
-            Edit { span: Span::new(span.start as usize, span.end as usize + behind), content: Vec::new().into() }
+            let blanks = bytes[span.end as usize..].iter().take_while(is_over).count();
+            Edit { span: Span::new(span.start as usize, span.end as usize + blanks), content: Vec::new().into() }
         };
         spans.iter().map(without).collect()
     }

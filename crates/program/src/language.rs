@@ -11,9 +11,12 @@ use nalgebra::Rotation3;
 ///
 /// # Examples
 /// ```
-/// use deflex_program::{Language, detect};
+/// use deflex_program::{Language, Mark, detect};
 ///
 /// assert_eq!(detect("part.mod", b"MODULE part\nENDMODULE\n"), Some(Language::Rapid));
+/// assert_eq!(Language::Krl.word(), "krl"); // as `--post` and `--input-format` have it
+/// assert!(Language::Krl.endings().contains(&"src"), "{}", Language::Krl.name());
+/// assert_eq!(Language::Rapid.mark(Mark::Air), "! deflex air");
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Language {
@@ -99,39 +102,18 @@ impl Language {
     }
 
     /// Its word, as in `--input-format`.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::Language;
-    ///
-    /// assert_eq!(Language::Krl.word(), "krl"); // as `--post` and `--input-format` have it
-    /// ```
     #[must_use]
     pub fn word(self) -> &'static str {
         self.about().word
     }
 
     /// Its name for people.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::Language;
-    ///
-    /// println!("the program is {}", Language::Krl.name());
-    /// ```
     #[must_use]
     pub fn name(self) -> &'static str {
         self.about().name
     }
 
     /// Endings of its files, lower case.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::Language;
-    ///
-    /// assert!(Language::Krl.endings().contains(&"src"));
-    /// ```
     #[must_use]
     pub fn endings(self) -> &'static [&'static str] {
         self.about().endings
@@ -145,13 +127,6 @@ impl Language {
     }
 
     /// The comment that marks a stretch, as this language writes it: `! deflex air`.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::{Language, Mark};
-    ///
-    /// assert_eq!(Language::Rapid.mark(Mark::Air), "! deflex air");
-    /// ```
     #[must_use]
     pub fn mark(self, mark: Mark) -> String {
         match self.comment() {

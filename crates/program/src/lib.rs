@@ -55,6 +55,7 @@ pub use target::{
 };
 
 use deflex_text::{Diagnostic, Edit, Source, Span, applied};
+use front_end::Wanted;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -62,11 +63,16 @@ use std::sync::Arc;
 ///
 /// # Examples
 /// ```
-/// use deflex_program::rapid;
+/// use deflex_program::{RewriteOptions, rapid};
 /// use deflex_text::Source;
 ///
 /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
 /// println!("{} targets, {} tools", program.targets.len(), program.tools.len());
+/// assert_eq!(program.motion_targets(), 81);
+/// assert!(program.unknown_targets().is_empty() && program.faults().is_empty()); // every target is written as numbers
+/// println!("the robot passes the first target: {:?}, within {:?} mm", program.passing(0), program.zone_mm(0));
+/// let unchanged = program.rewrite(&vec![None; program.targets.len()], &[], &RewriteOptions::default());
+/// assert_eq!(program.edited(&unchanged.edits)[0].bytes, program.sources[0].bytes);
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Debug)]
@@ -115,14 +121,11 @@ const BRANCHES: [&str; 17] = [
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/program.rs"));
 /// use deflex_program::Passing;
 ///
 /// let stops = (0..program.targets.len()).filter(|index| matches!(program.passing(*index), Passing::Stop));
 /// println!("the arm stops at {} targets", stops.count());
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Passing {
@@ -138,11 +141,8 @@ pub enum Passing {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/program.rs"));
 /// println!("{}: {:?}", program.tools[0].name, program.tools[0].data);
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tool {
@@ -200,15 +200,10 @@ impl ToolData {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::cl::{self, ClOptions, Units};
-/// # use deflex_text::Source;
-/// # let options = ClOptions { units: Some(Units::Millimetre), any_tool: true, ..ClOptions::default() };
-/// # let file = Source::new("blade.aptsource", std::fs::read("../../samples/blade/blade.aptsource")?);
-/// # let program = cl::read(file, &options)?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/blade.rs"));
 /// if let Some(cutter) = program.cutter {
 ///     println!("{} mm, corners {} mm", cutter.diameter_mm, cutter.corner_radius_mm);
 /// }
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CutterInfo {
@@ -222,11 +217,8 @@ pub struct CutterInfo {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/program.rs"));
 /// println!("{}: {:?}", program.wobjs[0].name, program.wobjs[0].data);
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wobj {
@@ -303,13 +295,10 @@ pub(crate) fn intern<T: Clone>(known: &mut Vec<T>, wanted: &T, is: impl Fn(&T, &
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/program.rs"));
 /// for kept in &program.kept {
 ///     println!("line {} is not changed: {}", kept.line, kept.reason.text());
 /// }
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -330,14 +319,11 @@ pub struct Kept {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/program.rs"));
 /// for motion in &program.unknown {
 ///     println!("line {}: {}", motion.line, motion.reason.text());
 /// }
 /// assert!(program.unknown.is_empty());
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -441,15 +427,12 @@ impl Default for RewriteOptions {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/program.rs"));
 /// use deflex_program::RewriteOptions;
 ///
 /// let unchanged = vec![None; program.targets.len()];
 /// let rewritten = program.rewrite(&unchanged, &[], &RewriteOptions::default());
 /// assert!(rewritten.edits.iter().all(|edits| edits.is_empty()) && rewritten.kept.is_empty());
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Debug, Default)]
 pub struct Rewritten {
@@ -534,30 +517,12 @@ impl Program {
 
     /// Number of executed motions, with loops expanded. An arc counts once; motions whose target is known only at run time count too, although
     /// `targets` has none of them.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// assert_eq!(program.motion_targets(), 81);
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn motion_targets(&self) -> usize {
         self.layout.front_end().motion_targets(self)
     }
 
     /// The numbers of [`Program::motion_targets`] whose target is known only at run time, by reason in the order of first occurrence.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// assert!(program.unknown_targets().is_empty()); // every target is written as numbers
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn unknown_targets(&self) -> Vec<(Reason, usize)> {
         let mut counts: Vec<(Reason, usize)> = Vec::new();
@@ -571,15 +536,6 @@ impl Program {
     }
 
     /// How the controller passes a target, by the text.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// println!("the robot passes the first target: {:?}", program.passing(0));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn passing(&self, target: usize) -> Passing {
         self.layout.front_end().passing(self, target)
@@ -646,15 +602,6 @@ impl Program {
     }
 
     /// The zone radius of a target as written, mm; `None` for a stop, and if the text gives no radius.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// assert!(program.zone_mm(0).is_some()); // mm, of the first target
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn zone_mm(&self, target: usize) -> Option<f64> {
         match self.passing(target) {
@@ -724,16 +671,6 @@ impl Program {
     }
 
     /// The sources with the edits of [`Program::rewrite`]; sources without edits as they are.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// let unchanged = program.edited(&vec![Vec::new(); program.sources.len()]);
-    /// assert_eq!(unchanged[0].bytes, program.sources[0].bytes);
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn edited(&self, edits: &[Vec<Edit>]) -> Vec<Source> {
         let edited = |(i, source): (usize, &Source)| Source {
@@ -745,15 +682,6 @@ impl Program {
     }
 
     /// The reasons why no program may be written from this one: every statement whose motion is not what its text states.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// assert!(program.faults().is_empty());
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn faults(&self) -> Vec<Diagnostic> {
         let (code, help) = self.language.about().fault;
@@ -769,17 +697,6 @@ impl Program {
     ///
     /// `changes` has one entry for each target. `None` changes nothing; a program without changes has no edits. A number whose printed value
     /// does not change is not edited.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::{RewriteOptions, rapid};
-    /// use deflex_text::Source;
-    ///
-    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// let unchanged = program.rewrite(&vec![None; program.targets.len()], &[], &RewriteOptions::default());
-    /// assert!(unchanged.edits.iter().all(Vec::is_empty));
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn rewrite(&self, changes: &[Option<Change>], inserts: &[Insert], options: &RewriteOptions) -> Rewritten {
         debug_assert_eq!(changes.len(), self.targets.len());
@@ -787,7 +704,7 @@ impl Program {
         let refused = if inserts.is_empty() { Vec::new() } else { self.insertions_refused(&before) };
         let allowed: Vec<Insert> =
             inserts.iter().zip(&refused).filter(|(_, why)| why.is_none()).map(|(insert, _)| insert.clone()).collect();
-        let mut rewritten = self.layout.front_end().rewrite(self, changes, &allowed, options);
+        let mut rewritten = self.layout.front_end().rewrite(self, Wanted { changes, inserts: &allowed, options });
         let mut written = std::mem::take(&mut rewritten.inserted).into_iter();
         rewritten.inserted =
             refused.iter().map(|why| if why.is_some() { None } else { written.next().flatten() }).collect();

@@ -8,12 +8,9 @@ use std::collections::BTreeSet;
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-/// let result = deflex_program::round_trip(&program, rapid::read);
-/// assert!(result.identical && result.shifted_ok, "{:?}", result.why);
-/// # Ok::<(), deflex_text::Diagnostics>(())
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/program.rs"));
+/// let result = deflex_program::round_trip(&program, deflex_program::rapid::read);
+/// assert!(result.identical && result.shifted_ok && result.holds(), "{:?}", result.why);
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -28,15 +25,6 @@ pub struct RoundTrip {
 
 impl RoundTrip {
     /// Whether both writes are right.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// assert!(deflex_program::round_trip(&program, rapid::read).holds());
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn holds(&self) -> bool {
         self.identical && self.shifted_ok
@@ -58,12 +46,8 @@ const SINGLE: f64 = 0.5 * f32::EPSILON as f64;
 ///
 /// # Examples
 /// ```
-/// use deflex_program::{rapid, round_trip};
-/// use deflex_text::Source;
-///
-/// let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-/// assert!(round_trip(&program, rapid::read).holds());
-/// # Ok::<(), deflex_text::Diagnostics>(())
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/program.rs"));
+/// assert!(deflex_program::round_trip(&program, deflex_program::rapid::read).holds());
 /// ```
 pub fn round_trip(
     program: &Program,

@@ -9,12 +9,10 @@ use std::sync::Arc;
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/program.rs"));
 /// let target = &program.targets[0];
 /// println!("line {}: {:?} with {:?} mm/s", target.line, target.motion, target.feed_mm_s);
-/// # Ok::<(), deflex_text::Diagnostics>(())
+/// assert!(target.is_end() && target.conf().is_some()); // no point of an arc, and with confdata
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
@@ -96,30 +94,12 @@ impl Target {
     }
 
     /// Whether it ends an executed motion: one report row.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// assert!(program.targets.iter().all(|target| target.is_end())); // there are no arcs
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn is_end(&self) -> bool {
         self.role == Role::End
     }
 
     /// Its configuration as written.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_program::rapid;
-    /// # use deflex_text::Source;
-    /// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-    /// assert!(program.targets[0].conf().is_some()); // its confdata
-    /// # Ok::<(), deflex_text::Diagnostics>(())
-    /// ```
     #[must_use]
     pub fn conf(&self) -> Option<Conf> {
         match self.goal {
@@ -228,14 +208,11 @@ pub struct InactiveUnit {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/program.rs"));
 /// use deflex_program::Role;
 ///
 /// let ends = program.targets.iter().filter(|target| target.role == Role::End);
 /// assert_eq!(ends.count(), program.targets.len()); // there are no arcs
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Role {
@@ -251,13 +228,10 @@ pub enum Role {
 ///
 /// # Examples
 /// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
+/// # let program = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/program.rs"));
 /// use deflex_program::Motion;
 ///
 /// assert!(program.targets.iter().any(|target| target.motion == Motion::Linear));
-/// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -279,6 +253,7 @@ pub enum Motion {
 /// use deflex_program::ArcTurn;
 ///
 /// assert!(ArcTurn::WORDS.contains(&("path", ArcTurn::WithPath))); // as `[controller] arc_turn` of the cell has it
+/// assert_eq!(ArcTurn::ThroughCirclePoint.word(), "circle_point");
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ArcTurn {
@@ -300,13 +275,6 @@ impl ArcTurn {
         [("even", Self::Even), ("path", Self::WithPath), ("circle_point", Self::ThroughCirclePoint)];
 
     /// Its word in the cell file; empty if only a program may state it.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::ArcTurn;
-    ///
-    /// assert_eq!(ArcTurn::ThroughCirclePoint.word(), "circle_point");
-    /// ```
     #[must_use]
     pub fn word(self) -> &'static str {
         Self::WORDS.iter().find(|(_, turn)| *turn == self).map_or("", |(word, _)| word)
@@ -357,6 +325,7 @@ pub enum Goal {
 ///
 /// let conf = Conf::Quarters(Confdata { cf1: 0, cf4: -1, cf6: 0, cfx: 1 });
 /// assert!(matches!(conf, Conf::Quarters(_)));
+/// assert_eq!(Conf::near([0.0, 90.0, 0.0, 0.0, 30.0, 0.0]), Conf::Near([0, 900_000, 0, 0, 300_000, 0]));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Conf {
@@ -372,13 +341,6 @@ pub enum Conf {
 
 impl Conf {
     /// The solution that is nearest to axis angles, degrees.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::Conf;
-    ///
-    /// assert_eq!(Conf::near([0.0, 90.0, 0.0, 0.0, 30.0, 0.0]), Conf::Near([0, 900_000, 0, 0, 300_000, 0]));
-    /// ```
     #[must_use]
     pub fn near(deg: [f64; 6]) -> Self {
         #[allow(clippy::cast_possible_truncation)] // a cast of a float saturates

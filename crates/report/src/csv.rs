@@ -257,7 +257,7 @@ pub fn write_csv(rows: &[Row], out: &mut impl Write) -> io::Result<()> {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// let text = deflex_report::csv_rows(&corrected.rows);
 /// assert_eq!(text.iter().filter(|byte| **byte == b'\n').count(), corrected.rows.len());

@@ -15,7 +15,7 @@ const SAME: f64 = 1e-9;
 ///
 /// # Examples
 /// ```
-/// # let (program, _) = include!("../../../tests/doc/slot.rs");
+/// # let (program, _) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// let difference = deflex_report::difference(&program, &program);
 /// assert!(difference.is_empty() && difference.max_mm == 0.0);
 /// # Ok::<(), deflex_text::Diagnostics>(())
@@ -45,7 +45,7 @@ pub struct Difference {
 ///
 /// # Examples
 /// ```
-/// # let (program, _) = include!("../../../tests/doc/slot.rs");
+/// # let (program, _) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// for moved in deflex_report::difference(&program, &program).moved {
 ///     println!("target {}: {:?} mm", moved.target, moved.shift_mm);
 /// }
@@ -77,7 +77,7 @@ pub struct MovedTarget {
 ///
 /// # Examples
 /// ```
-/// # let (program, _) = include!("../../../tests/doc/slot.rs");
+/// # let (program, _) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// for other in deflex_report::difference(&program, &program).other {
 ///     println!("line {}: {}", other.line, other.what);
 /// }

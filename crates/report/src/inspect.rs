@@ -13,7 +13,7 @@ const CL_WOBJ: &str = "the part";
 ///
 /// # Examples
 /// ```
-/// # let (program, _) = include!("../../../tests/doc/slot.rs");
+/// # let (program, _) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// use deflex_report::InspectFile;
 ///
 /// let file = InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, deflex_program::rapid::read));
@@ -57,7 +57,7 @@ pub struct InspectFile {
 ///
 /// # Examples
 /// ```
-/// # let (program, _) = include!("../../../tests/doc/slot.rs");
+/// # let (program, _) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// let reach = deflex_report::InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, deflex_program::rapid::read)).reach;
 /// println!("{:.0} s, external axes {:?}", reach.run_time_s, reach.external_axes);
 /// # Ok::<(), deflex_text::Diagnostics>(())
@@ -79,7 +79,7 @@ pub struct Reached {
 ///
 /// # Examples
 /// ```
-/// # let (program, _) = include!("../../../tests/doc/slot.rs");
+/// # let (program, _) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// for extent in deflex_report::InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, deflex_program::rapid::read)).reach.extents {
 ///     println!("{}: from {:?} to {:?}", extent.wobj, extent.min_mm, extent.max_mm);
 /// }
@@ -185,7 +185,7 @@ fn kept_lines(program: &Program) -> Vec<KeptLine> {
 ///
 /// # Examples
 /// ```
-/// # let (program, _) = include!("../../../tests/doc/slot.rs");
+/// # let (program, _) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// for kept in deflex_report::InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, deflex_program::rapid::read)).kept {
 ///     println!("line {}: {}", kept.line, kept.reason);
 /// }
@@ -238,7 +238,7 @@ impl InspectFile {
 ///
 /// # Examples
 /// ```
-/// # let (program, _) = include!("../../../tests/doc/slot.rs");
+/// # let (program, _) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// use deflex_report::{InspectFile, InspectFiles};
 ///
 /// let files = [InspectFile::read("slot.mod", &program, &deflex_program::round_trip(&program, deflex_program::rapid::read))];

@@ -15,7 +15,7 @@ const NEAR: f64 = 5.5;
 ///
 /// # Examples
 /// ```
-/// # let (program, _) = include!("../../../tests/doc/slot.rs");
+/// # let (program, _) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// for inserted in deflex_report::difference(&program, &program).inserted {
 ///     println!("target {} before target {} of the first program", inserted.target, inserted.before);
 /// }

@@ -26,7 +26,7 @@ pub enum PathKind {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// use deflex_correct::Summary;
 /// use deflex_report::FileSummary;
@@ -60,7 +60,7 @@ pub struct FileSummary {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// use deflex_correct::Summary;
 /// use deflex_report::FileSummary;
@@ -86,7 +86,7 @@ impl FileSummary {
     ///
     /// # Examples
     /// ```
-    /// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+    /// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
     /// let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
     /// let summary = deflex_report::FileSummary::new("slot.mod", &corrected);
     /// assert!(summary.counts.corrected > 0);
@@ -167,7 +167,7 @@ pub fn kept_text(kept: &KeptCount) -> String {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// use deflex_correct::Summary;
 /// use deflex_report::html::PathKind;

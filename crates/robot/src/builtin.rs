@@ -7,9 +7,16 @@ use std::sync::LazyLock;
 ///
 /// # Examples
 /// ```
-/// use deflex_robot::BUILTIN;
+/// use deflex_program::Language;
+/// use deflex_robot::{BUILTIN, Builtin};
 ///
 /// assert!(BUILTIN.iter().any(|robot| robot.model == "irb6660-205-1.9"));
+/// let builtin = Builtin::named("irb6660-205-1.9").expect("a built-in robot");
+/// assert_eq!(builtin.language(), Some(Language::Rapid));
+/// let robot = builtin.robot();
+/// let tcp = robot.forward(&robot.motor_from_axes_deg(&robot.home_deg()));
+/// println!("{:.1} mm above the floor", 1e3 * tcp.translation.z);
+/// assert!(Builtin::named("irb6660-205").is_err_and(|similar| !similar.is_empty()));
 /// ```
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -84,30 +91,12 @@ fn forward() -> [f64; 6] {
 
 impl Builtin {
     /// The language of its maker's controllers; `None` if deflex does not read it.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::Language;
-    /// use deflex_robot::Builtin;
-    ///
-    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot");
-    /// assert_eq!(robot.language(), Some(Language::Rapid));
-    /// ```
     #[must_use]
     pub fn language(&self) -> Option<Language> {
         Language::ALL.into_iter().find(|language| language.about().maker == self.maker)
     }
 
     /// The robot of these figures.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_robot::Builtin;
-    ///
-    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let tcp = robot.forward(&robot.motor_from_axes_deg(&robot.home_deg()));
-    /// println!("{:.1} mm above the floor", 1e3 * tcp.translation.z);
-    /// ```
     #[must_use]
     pub fn robot(&self) -> Robot {
         let rows = self.rows.map(|[alpha, a, d, theta]| DhRow {

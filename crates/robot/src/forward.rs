@@ -10,13 +10,6 @@ pub const NUDGE: f64 = 0.01;
 
 impl Robot {
     /// Frames of all links at motor angles (rad) of the nominal geometry.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let frames = robot.frames(&robot.motor_from_axes_deg(&[0.0; 6]));
-    /// println!("the wrist centre is {:.0} mm above the base", 1e3 * frames.origin(4).z);
-    /// ```
     #[must_use]
     pub fn frames(&self, motor: &Joints) -> Frames {
         self.links.chain(&self.serial_from_motor(motor))
@@ -32,16 +25,6 @@ impl Robot {
     ///
     /// Rows (vx, vy, vz, wx, wy, wz) in base axes, m/rad and rad/rad. `point` is in the base frame, m.
     /// `J = J_serial B` with `B` of [`Robot::serial_from_motor`]: column 2 of a parallelogram arm has no angular part.
-    ///
-    /// # Examples
-    /// ```
-    /// # use nalgebra::Vector3;
-    /// # use deflex_robot::Builtin;
-    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let frames = robot.frames(&robot.motor_from_axes_deg(&[0.0; 6]));
-    /// let jacobian = robot.jacobian(&frames, &Vector3::new(1.393, 0.0, 1.7945)); // at the flange
-    /// assert!((jacobian[(1, 0)] - 1.393).abs() < 1e-9); // axis 1 moves it along y with its distance from the axis, m/rad
-    /// ```
     #[must_use]
     pub fn jacobian(&self, frames: &Frames, point: &Vector3<f64>) -> Jacobian {
         let mut jacobian = Jacobian::zeros();

@@ -48,15 +48,6 @@ impl Robot {
     ///
     /// # Errors
     /// The pose is out of reach.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_robot::{Builtin, Joints};
-    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let motor = Joints::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6);
-    /// let branches = robot.inverse(&robot.forward(&motor), &motor).expect("within reach");
-    /// assert!(branches.iter().flatten().any(|found| (found - motor).amax() < 1e-9));
-    /// ```
     pub fn inverse(&self, base_from_flange: &Pose, near: &Joints) -> Result<Solutions, Unreachable> {
         if let Some(closed) = self.closed_form() {
             return match closed.solve(base_from_flange, near[3]) {
@@ -77,15 +68,6 @@ impl Robot {
     ///
     /// # Errors
     /// The pose is out of reach, or the solution exceeds an axis limit.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_robot::{Builtin, Joints};
-    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let motor = Joints::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6);
-    /// let found = robot.inverse_near(&robot.forward(&motor), &motor.add_scalar(0.01)).expect("within reach");
-    /// assert!((found - motor).amax() < 1e-9);
-    /// ```
     pub fn inverse_near(&self, base_from_flange: &Pose, near: &Joints) -> Result<Joints, Unreachable> {
         let motor = self.inverse_near_unlimited(base_from_flange, near)?;
         self.limit_violation(&motor).map_or(Ok(motor), |violation| Err(violation.into()))
@@ -95,16 +77,6 @@ impl Robot {
     ///
     /// # Errors
     /// The pose is out of reach.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// use deflex_robot::Joints;
-    ///
-    /// let motor = Joints::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6);
-    /// let found = robot.inverse_near_unlimited(&robot.forward(&motor), &motor).expect("within reach");
-    /// assert!((found - motor).amax() < 1e-9);
-    /// ```
     pub fn inverse_near_unlimited(&self, base_from_flange: &Pose, near: &Joints) -> Result<Joints, Unreachable> {
         // On a path the branch stays the same. The other seven branches are computed only if one of them could be
         // nearer.
@@ -131,17 +103,6 @@ impl Robot {
     ///
     /// # Errors
     /// The pose is out of reach, or the solution exceeds an axis limit.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_robot::{Builtin, Joints, Pose};
-    /// use nalgebra::Isometry;
-    ///
-    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let motor = Joints::new(0.1, 0.2, 0.3, 0.4, 0.5, 0.6);
-    /// let found = robot.inverse_along(&Isometry::identity(), &robot.forward(&motor), &motor.add_scalar(0.01)).expect("within reach");
-    /// assert!((found - motor).amax() < 1e-9);
-    /// ```
     pub fn inverse_along(
         &self,
         flange_from_tcp: &Pose,

@@ -34,7 +34,10 @@ impl Display for LimitedAngle {
 /// # Examples
 /// ```
 /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-/// let violation = robot.limit_violation(&robot.motor_from_axes_deg(&[400.0, 0.0, 0.0, 0.0, 30.0, 0.0])).expect("beyond");
+/// use deflex_robot::LimitedAngle;
+///
+/// let violation = robot.limit_violation(&robot.motor_from_axes_deg(&[200.0, 0.0, 0.0, 0.0, 0.0, 0.0])).expect("beyond");
+/// assert_eq!((violation.angle, violation.limit_deg), (LimitedAngle::Axis(1), 180.0));
 /// println!("{} is {} degrees beyond its limit", violation.value_deg, violation.by_deg);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -71,15 +74,6 @@ impl Robot {
     }
 
     /// The worst limit violation at motor angles (rad), if any.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_robot::{Builtin, LimitedAngle};
-    /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let far = robot.motor_from_axes_deg(&[200.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-    /// let violation = robot.limit_violation(&far).expect("axis 1 is beyond its limit");
-    /// assert_eq!((violation.angle, violation.limit_deg), (LimitedAngle::Axis(1), 180.0));
-    /// ```
     #[must_use]
     pub fn limit_violation(&self, motor: &Joints) -> Option<LimitViolation> {
         let limits = &self.limits;

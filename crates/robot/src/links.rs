@@ -35,6 +35,7 @@ pub struct DhRow {
 /// let frames = robot.frames(&motor);
 /// assert_eq!(*frames.base_from_flange(), robot.forward(&motor));
 /// println!("the axis of joint 2 passes through {} (m)", frames.origin(1));
+/// assert!((frames.axis(0).z - 1.0).abs() < 1e-12); // axis 1 is upright
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Frames {
@@ -58,13 +59,6 @@ impl Frames {
     }
 
     /// Axis of serial joint `i` (0 to 5) in base axes.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let frames = robot.frames(&robot.motor_from_axes_deg(&[0.0; 6]));
-    /// assert!((frames.axis(0).z - 1.0).abs() < 1e-12); // axis 1 is upright
-    /// ```
     #[must_use]
     pub fn axis(&self, i: usize) -> Vector3<f64> {
         self.axes[i]

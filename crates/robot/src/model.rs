@@ -16,11 +16,40 @@ pub fn gravity_at(world_from_base: &Pose) -> Vector3<f64> {
 ///
 /// # Examples
 /// ```
-/// use deflex_robot::Builtin;
+/// use deflex_robot::{Builtin, Pose, Robot};
 ///
 /// let robot = Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-/// let flange = robot.forward(&robot.motor_from_axes_deg(&[0.0; 6]));
-/// assert!((flange.translation.x - 1.393).abs() < 1e-9); // m
+/// let motor = robot.motor_from_axes_deg(&[0.0; 6]);
+/// assert!((robot.forward(&motor).translation.x - 1.393).abs() < 1e-9); // m
+/// let frames = robot.frames(&motor);
+/// println!("the wrist centre is {:.0} mm above the base", 1e3 * frames.origin(4).z);
+/// let jacobian = robot.jacobian(&frames, &frames.base_from_flange().translation.vector);
+/// assert!((jacobian[(1, 0)] - 1.393).abs() < 1e-9); // axis 1 moves it along y with its distance from the axis, m/rad
+///
+/// let deg = [10.0, 20.0, 15.0, 30.0, 40.0, -60.0];
+/// let motor = robot.motor_from_axes_deg(&deg);
+/// assert!(robot.axes_deg_from_motor(&motor).iter().zip(deg).all(|(a, b)| (a - b).abs() < 1e-9));
+/// let serial = robot.serial_from_motor(&motor);
+/// assert!((robot.motor_from_serial(&serial) - motor).amax() < 1e-12);
+/// assert!(robot.has_closed_form()); // its wrist is spherical
+/// assert!(robot.limit_violation(&motor).is_none());
+/// let pose = robot.forward(&motor);
+/// let branches = robot.inverse(&pose, &motor).expect("within reach");
+/// assert!(branches.iter().flatten().any(|found| (found - motor).amax() < 1e-9));
+/// let near = motor.add_scalar(0.01);
+/// let found = [
+///     robot.inverse_near(&pose, &near),
+///     robot.inverse_near_unlimited(&pose, &near),
+///     robot.inverse_along(&Pose::identity(), &pose, &near),
+///     robot.start(&pose, None, Some(&near)).map(|start| start.motor),
+/// ];
+/// assert!(found.iter().all(|found| found.is_ok_and(|found| (found - motor).amax() < 1e-9)));
+///
+/// let copy = Robot::new("copy", *robot.links.rows(), robot.axes.clone(), robot.limits.clone());
+/// assert_eq!((copy.forward(&motor), copy.home_deg()), (pose, [0.0; 6]));
+/// let on_pedestal = copy.standing_at(Pose::translation(0.0, 0.0, 0.5));
+/// assert_eq!(on_pedestal.world_from_base.translation.z, 0.5); // m
+/// assert!((on_pedestal.gravity().z + 9.81).abs() < 0.01); // m/s², in the base of an arm that stands upright
 /// ```
 #[derive(Clone, Debug)]
 pub struct Robot {
@@ -101,16 +130,6 @@ impl Axes {
 
 impl Robot {
     /// A robot. Determines whether its geometry has an explicit inverse.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// use deflex_robot::Robot;
-    ///
-    /// let copy = Robot::new("copy", *robot.links.rows(), robot.axes.clone(), robot.limits.clone());
-    /// let motor = robot.motor_from_axes_deg(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
-    /// assert_eq!(copy.forward(&motor), robot.forward(&motor));
-    /// ```
     #[must_use]
     pub fn new(model: impl Into<String>, rows: [DhRow; 6], axes: Axes, limits: Limits) -> Self {
         let closed_form = ClosedForm::of(&rows);
@@ -126,28 +145,12 @@ impl Robot {
     }
 
     /// Gravity in the frame of the robot's base, m/s².
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// assert!((robot.gravity().z + 9.81).abs() < 0.01); // m/s², in the base of an arm that stands upright
-    /// ```
     #[must_use]
     pub fn gravity(&self) -> Vector3<f64> {
         gravity_at(&self.world_from_base)
     }
 
     /// The same robot with its base at another pose in the world.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// use nalgebra::Translation3;
-    /// # use deflex_robot::Pose;
-    ///
-    /// let on_pedestal = robot.standing_at(Pose::from_parts(Translation3::new(0.0, 0.0, 0.5), Default::default()));
-    /// assert_eq!(on_pedestal.world_from_base.translation.z, 0.5); // m
-    /// ```
     #[must_use]
     pub fn standing_at(mut self, world_from_base: Pose) -> Self {
         self.world_from_base = world_from_base;
@@ -168,41 +171,18 @@ impl Robot {
     }
 
     /// Whether the inverse is explicit. Otherwise Newton's method computes it from a start.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// assert!(robot.has_closed_form()); // its wrist is spherical
-    /// let ur10 = deflex_robot::Builtin::named("ur10e").expect("a built-in robot").robot();
-    /// assert!(!ur10.has_closed_form());
-    /// ```
     #[must_use]
     pub fn has_closed_form(&self) -> bool {
         self.closed_form.is_some()
     }
 
     /// Serial joint angles from motor angles, rad.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let motor = robot.motor_from_axes_deg(&[0.0, 20.0, 0.0, 0.0, 30.0, 0.0]);
-    /// let serial = robot.serial_from_motor(&motor);
-    /// assert!((robot.motor_from_serial(&serial) - motor).amax() < 1e-12);
-    /// ```
     #[must_use]
     pub fn serial_from_motor(&self, motor: &Joints) -> Joints {
         self.serial(&(*motor).into()).into()
     }
 
     /// Motor angles from serial joint angles, rad.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let motor = robot.motor_from_axes_deg(&[0.0, 20.0, 0.0, 0.0, 30.0, 0.0]);
-    /// assert!((robot.motor_from_serial(&robot.serial_from_motor(&motor)) - motor).amax() < 1e-12);
-    /// ```
     #[must_use]
     pub fn motor_from_serial(&self, serial: &Joints) -> Joints {
         self.motor(&(*serial).into()).into()
@@ -218,14 +198,6 @@ impl Robot {
     }
 
     /// The same angles in degrees, as in programs and files.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let deg = [10.0, 20.0, -5.0, 0.0, 30.0, 0.0];
-    /// let back = robot.axes_deg_from_motor(&robot.motor_from_axes_deg(&deg));
-    /// assert!(back.iter().zip(deg).all(|(a, b)| (a - b).abs() < 1e-9));
-    /// ```
     #[must_use]
     pub fn axes_deg_from_motor(&self, motor: &Joints) -> [f64; 6] {
         self.axes_from_motor(motor).map(f64::to_degrees).into()

@@ -44,15 +44,6 @@ impl Builtin {
     ///
     /// # Errors
     /// No robot has this name. The error is a list of the few most similar names, the best first.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_robot::Builtin;
-    ///
-    /// let robot = Builtin::named("IRB 6660-205/1.9").expect("a built-in robot");
-    /// assert_eq!(robot.model, "irb6660-205-1.9");
-    /// assert!(Builtin::named("irb6660-205").is_err_and(|similar| !similar.is_empty()));
-    /// ```
     pub fn named(name: &str) -> Result<&'static Self, Vec<&'static Self>> {
         let wanted = parts(name);
         let exact = BUILTIN.iter().find(|robot| robot.model == name);

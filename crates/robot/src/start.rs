@@ -46,14 +46,6 @@ impl Robot {
     ///
     /// # Errors
     /// The pose is out of reach, or every branch exceeds a limit.
-    ///
-    /// # Examples
-    /// ```
-    /// # let robot = deflex_robot::Builtin::named("irb6660-205-1.9").expect("a built-in robot").robot();
-    /// let motor = robot.motor_from_axes_deg(&[10.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
-    /// let start = robot.start(&robot.forward(&motor), None, None).expect("within reach");
-    /// assert!((robot.forward(&start.motor).translation.vector - robot.forward(&motor).translation.vector).norm() < 1e-9);
-    /// ```
     pub fn start(
         &self,
         base_from_flange: &Pose,

@@ -11,7 +11,9 @@ use std::sync::Arc;
 /// use nalgebra::Vector3;
 /// use deflex_stock::Blank;
 ///
-/// let blank = Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]); // m
+/// let blank = Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]);
+/// assert_eq!(blank.bounds()[1].z, 0.05); // m
+/// assert!((blank.depth(&Vector3::new(0.05, 0.05, 0.04)) - 0.01).abs() < 1e-12); // m below the top
 /// ```
 #[derive(Clone, Debug)]
 pub enum Blank {
@@ -23,15 +25,6 @@ pub enum Blank {
 
 impl Blank {
     /// Lower and upper corner of its bounding box, m.
-    ///
-    /// # Examples
-    /// ```
-    /// use nalgebra::Vector3;
-    /// use deflex_stock::Blank;
-    ///
-    /// let blank = Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]);
-    /// assert_eq!(blank.bounds()[1].z, 0.05); // m
-    /// ```
     #[must_use]
     pub fn bounds(&self) -> [Vector3<f64>; 2] {
         match self {
@@ -41,15 +34,6 @@ impl Blank {
     }
 
     /// Signed depth of a point in the blank, m: positive inside. For a mesh its size is known up to a bound of one millimetre.
-    ///
-    /// # Examples
-    /// ```
-    /// use nalgebra::Vector3;
-    /// use deflex_stock::Blank;
-    ///
-    /// let blank = Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]);
-    /// assert!((blank.depth(&Vector3::new(0.05, 0.05, 0.04)) - 0.01).abs() < 1e-12); // m below the top
-    /// ```
     #[inline]
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {

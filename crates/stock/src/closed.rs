@@ -27,6 +27,8 @@ const FEW_COPIES: usize = 1 << 20;
 /// let [o, x, y, z] = [Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()];
 /// let mesh = ClosedMesh::new(&[[o, y, x], [o, x, z], [o, z, y], [x, y, z]]).expect("a tetrahedron");
 /// assert!((mesh.volume() - 1.0 / 6.0).abs() < 1e-12); // m³
+/// assert_eq!((mesh.bounds(), mesh.sharp_edges(0.35).len()), ([o, Vector3::repeat(1.0)], 6));
+/// assert!(mesh.depth(&Vector3::repeat(0.1)) > 0.0 && mesh.depth(&Vector3::repeat(1.0)) < 0.0);
 /// ```
 #[derive(Clone, Debug)]
 pub struct ClosedMesh {
@@ -236,15 +238,6 @@ impl ClosedMesh {
     }
 
     /// Edges at which its surface turns by more than `angle` (rad), the sharpest first, each as its two ends, m.
-    ///
-    /// # Examples
-    /// ```
-    /// # use nalgebra::Vector3;
-    /// # use deflex_stock::ClosedMesh;
-    /// # let [o, x, y, z] = [Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()];
-    /// # let mesh = ClosedMesh::new(&[[o, y, x], [o, x, z], [o, z, y], [x, y, z]]).expect("a tetrahedron");
-    /// assert_eq!(mesh.sharp_edges(0.35).len(), 6);
-    /// ```
     #[must_use]
     pub fn sharp_edges(&self, angle: f64) -> Vec<[Vector3<f64>; 2]> {
         let mut sides: BTreeMap<(u32, u32), Vec<Vector3<f64>>> = BTreeMap::new();
@@ -267,15 +260,6 @@ impl ClosedMesh {
     }
 
     /// Lower and upper corner of a box about it, m.
-    ///
-    /// # Examples
-    /// ```
-    /// # use nalgebra::Vector3;
-    /// # use deflex_stock::ClosedMesh;
-    /// # let [o, x, y, z] = [Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()];
-    /// # let mesh = ClosedMesh::new(&[[o, y, x], [o, x, z], [o, z, y], [x, y, z]]).expect("a tetrahedron");
-    /// assert_eq!(mesh.bounds(), [Vector3::zeros(), Vector3::repeat(1.0)]);
-    /// ```
     #[must_use]
     pub fn bounds(&self) -> [Vector3<f64>; 2] {
         [self.low, self.high]
@@ -364,15 +348,6 @@ impl ClosedMesh {
     }
 
     /// Signed depth of a point, m: positive inside. Its size is the distance from the surface, up to a bound.
-    ///
-    /// # Examples
-    /// ```
-    /// # use nalgebra::Vector3;
-    /// # use deflex_stock::ClosedMesh;
-    /// # let [o, x, y, z] = [Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()];
-    /// # let mesh = ClosedMesh::new(&[[o, y, x], [o, x, z], [o, z, y], [x, y, z]]).expect("a tetrahedron");
-    /// assert!(mesh.depth(&Vector3::repeat(0.1)) > 0.0 && mesh.depth(&Vector3::repeat(1.0)) < 0.0);
-    /// ```
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {
         let mut inside = false;

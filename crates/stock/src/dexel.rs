@@ -21,12 +21,21 @@ const TOUCH: f64 = 2e-7;
 /// # Examples
 /// ```
 /// use nalgebra::Vector3;
-/// use deflex_stock::{Blank, Stock};
+/// use deflex_stock::{Blank, Solid, Stock, ToolPose};
 ///
 /// let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+/// assert_eq!(block.blank().bounds()[1].z, 0.05); // m
+/// assert!(block.depth(&Vector3::new(0.05, 0.05, 0.04)) > 0.0); // inside
+/// println!("{} triangles", block.surface(2e-3).triangles.len());
 /// block.keep_history();
 /// let before = block.now();
-/// println!("{:.0} mm³ at {before:?}", 1e9 * block.volume());
+/// // A flat end mill of 10 mm, 2 mm deep, across the block.
+/// let (mill, slot) = (Solid { radius: 5e-3, corner: 0.0 }, 0.1 * 0.01 * 0.002); // m³
+/// let at = |x: f64, y: f64| ToolPose { tip: Vector3::new(x, y, 0.048), axis: Vector3::z_axis() };
+/// assert!((block.remove(mill, &at(-0.02, 0.05), &at(0.12, 0.05)) - slot).abs() < 1e-7);
+/// block.defer(mill, &at(-0.02, 0.08), &at(0.12, 0.08));
+/// assert!((block.settle().iter().sum::<f64>() - slot).abs() < 1e-7);
+/// println!("{:.0} mm³ since {before:?}, {:.0} mm³ remain", 1e9 * block.removed(), 1e9 * block.volume());
 /// ```
 #[derive(Debug)]
 pub struct Stock {
@@ -57,14 +66,6 @@ impl Stock {
     }
 
     /// The blank.
-    ///
-    /// # Examples
-    /// ```
-    /// # use nalgebra::Vector3;
-    /// # use deflex_stock::{Blank, Solid, Stock, ToolPose};
-    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// assert_eq!(block.blank().bounds()[1].z, 0.05); // m
-    /// ```
     #[must_use]
     pub fn blank(&self) -> &Blank {
         &self.lattice.blank
@@ -78,14 +79,6 @@ impl Stock {
     }
 
     /// Volume that has been removed, m³.
-    ///
-    /// # Examples
-    /// ```
-    /// # use nalgebra::Vector3;
-    /// # use deflex_stock::{Blank, Solid, Stock, ToolPose};
-    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// assert_eq!(block.removed(), 0.0); // m³
-    /// ```
     #[must_use]
     pub fn removed(&self) -> f64 {
         self.removed
@@ -111,14 +104,6 @@ impl Stock {
     }
 
     /// Signed depth of a point in the material, m: positive inside. Near a surface it is the distance from the surface.
-    ///
-    /// # Examples
-    /// ```
-    /// # use nalgebra::Vector3;
-    /// # use deflex_stock::{Blank, Solid, Stock, ToolPose};
-    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// assert!(block.depth(&Vector3::new(0.05, 0.05, 0.04)) > 0.0); // inside
-    /// ```
     #[must_use]
     pub fn depth(&self, point: &Vector3<f64>) -> f64 {
         self.depth_at(&Moment::LATEST, point, BLANK).0
@@ -214,18 +199,6 @@ impl Stock {
     }
 
     /// Removes what a cutter meets on its straight motion between two poses, and what was deferred before. Returns the volume, m³.
-    ///
-    /// # Examples
-    /// ```
-    /// use nalgebra::Vector3;
-    /// use deflex_stock::{Blank, Solid, Stock, ToolPose};
-    ///
-    /// let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// let at = |x: f64| ToolPose { tip: Vector3::new(x, 0.05, 0.048), axis: Vector3::z_axis() };
-    /// // A flat end mill of 10 mm, 2 mm deep, across the block.
-    /// let removed = block.remove(Solid { radius: 5e-3, corner: 0.0 }, &at(-0.02), &at(0.12));
-    /// assert!((removed - 0.1 * 0.01 * 0.002).abs() < 1e-7); // m³
-    /// ```
     pub fn remove(&mut self, solid: Solid, start: &ToolPose, end: &ToolPose) -> f64 {
         self.defer(solid, start, end);
         self.settle().pop().unwrap_or(0.0)
@@ -233,16 +206,6 @@ impl Stock {
 
     /// Adds a cutter's straight motion between two poses, and leaves the removal to [`Stock::settle`]. The cut counts as later than every
     /// moment before, so that only [later moments](Stock::now) may be read from then on.
-    ///
-    /// # Examples
-    /// ```
-    /// # use nalgebra::Vector3;
-    /// # use deflex_stock::{Blank, Solid, Stock, ToolPose};
-    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// let at = |x: f64| ToolPose { tip: Vector3::new(x, 0.05, 0.048), axis: Vector3::z_axis() };
-    /// block.defer(Solid { radius: 5e-3, corner: 0.0 }, &at(-0.02), &at(0.12));
-    /// assert!((block.settle().iter().sum::<f64>() - 0.1 * 0.01 * 0.002).abs() < 1e-7); // m³
-    /// ```
     pub fn defer(&mut self, solid: Solid, start: &ToolPose, end: &ToolPose) {
         let [low, high] = self.lattice.blank.bounds();
         let count = Sweep::count(start, end, (high.z - low.z).max(solid.radius));
@@ -256,14 +219,6 @@ impl Stock {
     }
 
     /// Removes what was deferred, with the bands in parallel. Returns the volume of each of these moves, m³.
-    ///
-    /// # Examples
-    /// ```
-    /// # use nalgebra::Vector3;
-    /// # use deflex_stock::{Blank, Solid, Stock, ToolPose};
-    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// assert!(block.settle().is_empty()); // no motion waits
-    /// ```
     pub fn settle(&mut self) -> Vec<f64> {
         let cuts = std::mem::take(&mut self.deferred);
         let first = cuts.iter().map(|cut| cut.rows.start).min().unwrap_or(0) / TILE;

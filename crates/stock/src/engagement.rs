@@ -44,41 +44,12 @@ impl Front {
     /// The engaged part of a cutter at a pose. `displacement` (m) is that of the motion to the pose; its direction is the feed.
     ///
     /// Call this before that motion is removed: on a straight motion no point of the front has been at the pose before.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_cutting::{Cutter, materials};
-    /// use nalgebra::Vector3;
-    /// use deflex_stock::{Blank, Front, Stock, ToolPose};
-    ///
-    /// let block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// let cutter = Cutter { diameter: 0.01, corner_radius: 1e-3, teeth: 2, helix: 0.0 };
-    /// let front = Front::new(&cutter, &materials::find("al7075").expect("a material").coefficients);
-    /// let pose = ToolPose { tip: Vector3::new(0.05, 0.05, 0.048), axis: Vector3::z_axis() };
-    /// let engaged = front.engaged(&block, &pose, &Vector3::new(1e-3, 0.0, 0.0)); // feed along x
-    /// assert!((engaged.depth - 0.002).abs() < 1e-4); // m
-    /// ```
     #[must_use]
     pub fn engaged(&self, stock: &Stock, pose: &ToolPose, displacement: &Vector3<f64>) -> Engaged {
         self.engaged_at(stock, &stock.now(), pose, displacement)
     }
 
     /// The same for the stock as it was at a moment since its history [is kept](Stock::keep_history).
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_cutting::{Cutter, materials};
-    /// use nalgebra::Vector3;
-    /// use deflex_stock::{Blank, Front, Stock, ToolPose};
-    ///
-    /// let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// block.keep_history();
-    /// let cutter = Cutter { diameter: 0.01, corner_radius: 1e-3, teeth: 2, helix: 0.0 };
-    /// let front = Front::new(&cutter, &materials::find("al7075").expect("a material").coefficients);
-    /// let pose = ToolPose { tip: Vector3::new(0.05, 0.05, 0.048), axis: Vector3::z_axis() };
-    /// let engaged = front.engaged_at(&block, &block.now(), &pose, &Vector3::new(1e-3, 0.0, 0.0)); // feed along x
-    /// assert!((engaged.depth - 0.002).abs() < 1e-4); // m
-    /// ```
     #[must_use]
     pub fn engaged_at(&self, stock: &Stock, moment: &Moment, pose: &ToolPose, displacement: &Vector3<f64>) -> Engaged {
         let size = displacement.norm();

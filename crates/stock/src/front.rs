@@ -16,11 +16,18 @@ const CELL: f64 = 0.05;
 /// # Examples
 /// ```
 /// use deflex_cutting::{Cutter, materials};
-/// use deflex_stock::Front;
+/// use deflex_stock::{Blank, Front, Stock, ToolPose};
+/// use nalgebra::Vector3;
 ///
 /// let cutter = Cutter { diameter: 0.01, corner_radius: 1e-3, teeth: 2, helix: 0.0 };
 /// let front = Front::new(&cutter, &materials::find("al7075").expect("a material").coefficients);
-/// println!("{:?}", front.solid());
+/// let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
+/// block.keep_history();
+/// let pose = ToolPose { tip: Vector3::new(0.05, 0.05, 0.048), axis: Vector3::z_axis() };
+/// let feed = Vector3::new(1e-3, 0.0, 0.0); // along x
+/// let engaged = front.engaged(&block, &pose, &feed);
+/// assert!((engaged.depth - 0.002).abs() < 1e-4, "{:?}", front.solid()); // m
+/// assert_eq!(front.engaged_at(&block, &block.now(), &pose, &feed).depth, engaged.depth);
 /// ```
 #[derive(Clone, Debug)]
 pub struct Front {

@@ -6,10 +6,12 @@ use deflex_cutting::Cutter;
 ///
 /// # Examples
 /// ```
+/// use deflex_cutting::Cutter;
 /// use deflex_stock::Solid;
 ///
-/// let ball = Solid { radius: 5e-3, corner: 5e-3 }; // m
-/// assert_eq!(ball.flat(), 0.0);
+/// let ball = Solid::of(&Cutter { diameter: 0.01, corner_radius: 5e-3, teeth: 2, helix: 0.5 });
+/// assert_eq!((ball, ball.flat()), (Solid { radius: 5e-3, corner: 5e-3 }, 0.0)); // m
+/// assert!(ball.height(0.0).abs() < 1e-12 && (ball.height(5e-3) - 5e-3).abs() < 1e-12); // m above the tip
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solid {
@@ -21,14 +23,6 @@ pub struct Solid {
 
 impl Solid {
     /// The envelope of a cutter.
-    ///
-    /// # Examples
-    /// ```
-    /// # use deflex_cutting::Cutter;
-    /// # let cutter = Cutter { diameter: 0.025, corner_radius: 5e-3, teeth: 3, helix: 0.5 };
-    /// let solid = deflex_stock::Solid::of(&cutter);
-    /// assert_eq!((solid.radius, solid.corner), (0.0125, 5e-3)); // m
-    /// ```
     #[must_use]
     pub fn of(cutter: &Cutter) -> Self {
         Self { radius: cutter.radius(), corner: cutter.corner_radius }
@@ -51,14 +45,6 @@ impl Solid {
     }
 
     /// Height (m) of the lower surface above the tip, at a distance (m) from the axis that is at most the radius.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_stock::Solid;
-    ///
-    /// let ball = Solid { radius: 5e-3, corner: 5e-3 };
-    /// assert!(ball.height(0.0).abs() < 1e-12 && (ball.height(5e-3) - 5e-3).abs() < 1e-12); // m above the tip
-    /// ```
     #[inline]
     #[must_use]
     pub fn height(&self, across: f64) -> f64 {

@@ -11,7 +11,8 @@ use std::ops::Range;
 /// use nalgebra::Vector3;
 /// use deflex_stock::ToolPose;
 ///
-/// let upright = ToolPose { tip: Vector3::new(0.0, 0.0, -2e-3), axis: Vector3::z_axis() };
+/// let at = |x: f64| ToolPose { tip: Vector3::new(x, 0.0, -2e-3), axis: Vector3::z_axis() };
+/// assert_eq!(at(0.0).between(&at(1.0), 0.25).tip.x, 0.25); // m
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolPose {
@@ -23,15 +24,6 @@ pub struct ToolPose {
 
 impl ToolPose {
     /// The pose at a share between this one and another, by the shortest turn of the axis.
-    ///
-    /// # Examples
-    /// ```
-    /// # use nalgebra::Vector3;
-    /// # use deflex_stock::{Blank, Solid, Stock, ToolPose};
-    /// # let mut block = Stock::new(Blank::Box([Vector3::zeros(), Vector3::new(0.1, 0.1, 0.05)]), 1e-3);
-    /// let at = |x: f64| ToolPose { tip: Vector3::new(x, 0.0, 0.0), axis: Vector3::z_axis() };
-    /// assert_eq!(at(0.0).between(&at(1.0), 0.25).tip.x, 0.25); // m
-    /// ```
     #[must_use]
     pub fn between(&self, other: &Self, share: f64) -> Self {
         let axis = match Rotation3::scaled_rotation_between(&self.axis, &other.axis, share) {

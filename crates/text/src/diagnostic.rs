@@ -24,10 +24,13 @@ pub enum Severity {
 ///
 /// # Examples
 /// ```
-/// use deflex_text::Diagnostic;
+/// use deflex_text::{Diagnostic, Severity, Source, Span};
 ///
-/// let found = Diagnostic::error("a.code", "part.mod", "what is wrong").help("what to do");
-/// assert!(found.to_string().contains("what is wrong"));
+/// let source = Source::new("part.mod", "MODULE A\nENDMODULE\n");
+/// let found = Diagnostic::error("a.code", &source.name, "what is wrong").at(&source, Span { start: 9, end: 18 });
+/// assert_eq!((found.line, found.column), (2, 1));
+/// let note = found.help("what to do").severity(Severity::Note);
+/// assert!(note.to_string().contains("what is wrong"));
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Diagnostic {
@@ -69,15 +72,6 @@ impl Diagnostic {
     }
 
     /// Adds a place in a source.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_text::{Diagnostic, Source, Span};
-    ///
-    /// let source = Source::new("part.mod", "MODULE A\nENDMODULE\n");
-    /// let found = Diagnostic::error("a.code", &source.name, "what is wrong").at(&source, Span { start: 9, end: 18 });
-    /// assert_eq!((found.line, found.column), (2, 1));
-    /// ```
     #[must_use]
     pub fn at(self, source: &Source, span: Span) -> Self {
         let place = source.line_column(span.start as usize);
@@ -104,14 +98,6 @@ impl Diagnostic {
     }
 
     /// Sets the severity.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_text::{Diagnostic, Severity};
-    ///
-    /// let note = Diagnostic::error("a.code", "part.mod", "what is remarkable").severity(Severity::Note);
-    /// assert_eq!(note.severity, Severity::Note);
-    /// ```
     #[must_use]
     pub fn severity(mut self, severity: Severity) -> Self {
         self.severity = severity;

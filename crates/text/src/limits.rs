@@ -6,9 +6,13 @@
 ///
 /// # Examples
 /// ```
-/// for bound in deflex_text::limits::ALL {
+/// use deflex_text::limits::{ALL, ARRAY_ROWS};
+///
+/// for bound in ALL {
 ///     println!("{}: at most {}", bound.what, bound.most);
 /// }
+/// assert!(ARRAY_ROWS.exceeded(1e6).is_none());
+/// assert!(ARRAY_ROWS.exceeded(1e9).is_some_and(|message| message.contains("100000000")));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -23,14 +27,6 @@ pub struct Bound {
 
 impl Bound {
     /// The message for a count that exceeds the bound; `None` if it does not. NaN counts as exceeding it.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_text::limits::ARRAY_ROWS;
-    ///
-    /// assert!(ARRAY_ROWS.exceeded(1e6).is_none());
-    /// assert!(ARRAY_ROWS.exceeded(1e9).is_some_and(|message| message.contains("100000000")));
-    /// ```
     #[must_use]
     pub fn exceeded(&self, count: f64) -> Option<String> {
         let within = count <= self.most as f64;

@@ -5,10 +5,11 @@ use std::borrow::Cow;
 ///
 /// # Examples
 /// ```
-/// use deflex_text::Source;
+/// use deflex_text::{LineColumn, Source, Span};
 ///
 /// let source = Source::new("part.mod", "MODULE A\nENDMODULE\n");
-/// assert_eq!(source.bytes.len(), 19);
+/// assert_eq!((source.bytes.len(), &*source.text(Span { start: 0, end: 6 })), (19, "MODULE"));
+/// assert_eq!(source.line_column(11), LineColumn { line: 2, column: 3 });
 /// ```
 #[derive(Clone, Debug)]
 pub struct Source {
@@ -52,14 +53,6 @@ impl Source {
     }
 
     /// Bytes as text for messages: UTF-8 if valid, otherwise Latin-1 (each byte is a character).
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_text::{Source, Span};
-    ///
-    /// let source = Source::new("part.mod", "MODULE A\n");
-    /// assert_eq!(source.text(Span { start: 0, end: 6 }), "MODULE");
-    /// ```
     #[must_use]
     pub fn text(&self, span: Span) -> Cow<'_, str> {
         decode(self.slice(span))
@@ -67,14 +60,6 @@ impl Source {
 
     /// Line and column of an offset. CR LF, LF and a single CR end a line. It takes time proportional to the offset, so
     /// it is for messages only.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_text::Source;
-    ///
-    /// let at = Source::new("part.mod", "MODULE A\nENDMODULE\n").line_column(11);
-    /// assert_eq!((at.line, at.column), (2, 3));
-    /// ```
     #[must_use]
     pub fn line_column(&self, offset: usize) -> LineColumn {
         let offset = offset.min(self.bytes.len());

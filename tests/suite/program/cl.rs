@@ -140,8 +140,7 @@ fn edits_keep_field_widths_and_cards() {
     let program = reads(text);
     let change = Change { position_mm: [120.4, 0.0, -41.25], quat: None, conf: None, external: None };
     let edits = program.rewrite(&[Some(change)], &[], &RewriteOptions::default()).edits;
-    let mut out = Vec::new();
-    deflex::text::apply(text.as_bytes(), &edits[0], &mut out).expect("vec");
+    let out = deflex::text::applied(text.as_bytes(), &edits[0]);
     assert_eq!(String::from_utf8_lossy(&out), "UNITS/MM\nGOTO  /  120.40000,    0.00000,  -41.25000\n");
 }
 

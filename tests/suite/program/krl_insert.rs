@@ -3,7 +3,7 @@
 use deflex::cell::Cell;
 use deflex::correct::{Options, Summary, compensate};
 use deflex::program::{Goal, Insert, Motion, Program, RewriteOptions, Role, krl, rapid};
-use deflex::text::{Source, apply};
+use deflex::text::{Source, applied};
 use std::fmt::Write;
 
 fn read(text: &str) -> Program {
@@ -15,8 +15,7 @@ fn inserted(program: &Program, before: usize) -> (String, Option<&'static str>) 
     let insert = Insert::line(before, ([5.0, 6.25, -0.5], [1.0, 0.0, 0.0, 0.0]), 3.0);
     let changes = vec![None; program.targets.len()];
     let rewritten = program.rewrite(&changes, &[insert.clone(), insert], &RewriteOptions::default());
-    let mut out = Vec::new();
-    apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
+    let out = applied(&program.sources[0].bytes, &rewritten.edits[0]);
     let why = rewritten.not_inserted.first().map(|(_, why)| why.text());
     assert_eq!(rewritten.inserted.iter().all(Option::is_some), why.is_none());
     (String::from_utf8(out).unwrap(), why)
@@ -149,8 +148,7 @@ fn as_little_is_left_on_the_way_as_in_rapid() {
         assert!(corrected.failures.is_empty(), "{:?}", corrected.failures);
         let rewritten = corrected.rewritten.as_ref().unwrap();
         assert_eq!(rewritten.not_inserted, []);
-        let mut out = Vec::new();
-        apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
+        let out = applied(&program.sources[0].bytes, &rewritten.edits[0]);
         let left = Summary::of(&corrected.rows).remaining_path_rms_mm;
         (rewritten.inserted.len(), left, String::from_utf8(out).unwrap())
     });

@@ -24,3 +24,4 @@ mod tp_sound;
 mod unknown_before;
 mod ur;
 mod waits;
+mod writing;

@@ -1,7 +1,8 @@
 //! RAPID in and out: targets by hand, edits on number tokens only, nothing lost and nothing panics.
 
+use super::writing::to;
 use deflex::program::{Change, Conf, Editable, Goal, Insert, Program, Reason, RewriteOptions, Role, rapid, round_trip};
-use deflex::text::{Diagnostic, Source, apply};
+use deflex::text::{Diagnostic, Source, applied};
 use proptest::prelude::*;
 use std::fmt::Write;
 
@@ -27,13 +28,8 @@ fn positions(program: &Program) -> Vec<[f64; 3]> {
 fn written(program: &Program, changes: &[Option<Change>], inserts: &[Insert], clones: bool) -> (String, Vec<usize>) {
     let options = RewriteOptions { allow_clones: clones, ..RewriteOptions::default() };
     let rewritten = program.rewrite(changes, inserts, &options);
-    let mut out = Vec::new();
-    apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
+    let out = applied(&program.sources[0].bytes, &rewritten.edits[0]);
     (String::from_utf8(out).unwrap(), rewritten.kept.iter().map(|k| k.0).collect())
-}
-
-fn to(position_mm: [f64; 3]) -> Option<Change> {
-    Some(Change { position_mm, quat: None, conf: None, external: None })
 }
 
 #[test]

@@ -5,7 +5,7 @@
 use deflex::cell::Cell;
 use deflex::correct::{Options, Status};
 use deflex::program::{ArcTurn, Change, Editable, Goal, Motion, Program, Reason, RewriteOptions, rapid};
-use deflex::text::{Source, apply};
+use deflex::text::{Source, applied};
 use std::collections::BTreeMap;
 
 const DATA: &str = "  PERS tooldata t1:=[TRUE,[[0,0,200],[1,0,0,0]],[5,[0,0,80],[1,0,0,0],0,0,0]];
@@ -71,8 +71,7 @@ fn fates(text: &str, clones: bool) -> BTreeMap<u32, Result<(), &'static str>> {
     let changes: Vec<Option<Change>> = (0..program.targets.len()).map(|i| wanted(&program, i)).collect();
     let options = RewriteOptions { allow_clones: clones, ..RewriteOptions::default() };
     let rewritten = program.rewrite(&changes, &[], &options);
-    let mut out = Vec::new();
-    apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
+    let out = applied(&program.sources[0].bytes, &rewritten.edits[0]);
     let again = read(std::str::from_utf8(&out).unwrap());
     let mut fates: BTreeMap<u32, Result<(), &'static str>> = BTreeMap::new();
     for kept in &program.kept {
@@ -605,8 +604,7 @@ fn numbers_that_are_not_decimal_are_written_as_they_are() {
     let change = Change { position_mm: [11.25, -3.0, 10.5], quat: None, conf: None, external: None };
     let rewritten = program.rewrite(&[Some(change)], &[], &RewriteOptions::default());
     assert_eq!(rewritten.written[0].0, [11.25, -3.0, 10.5]);
-    let mut out = Vec::new();
-    apply(text.as_bytes(), &rewritten.edits[0], &mut out).unwrap();
+    let out = applied(text.as_bytes(), &rewritten.edits[0]);
     let back = read(&String::from_utf8(out).unwrap());
     assert_eq!(position(&back.targets[0].goal), [11.25, -3.0, 10.5]);
 }

@@ -3,6 +3,7 @@
 #![allow(clippy::float_cmp)] // the very numbers that were written
 
 use super::listed::refused;
+use super::writing::to;
 use deflex::cell::Cell;
 use deflex::correct::{Options, PostOptions, Prepared, compensate, post};
 use deflex::program::orientation::{from_zyx_deg, quaternion};
@@ -10,7 +11,7 @@ use deflex::program::{
     Change, Conf, Config, Goal, Language, Motion, Program, Reason, RewriteOptions, Role, rapid, round_trip, tp,
 };
 use deflex::robot::{BUILTIN, Joints, conf_like};
-use deflex::text::{Diagnostic, Source, apply};
+use deflex::text::{Diagnostic, Source, applied};
 use std::fmt::Write;
 
 fn try_read(text: &str) -> Result<Program, Vec<Diagnostic>> {
@@ -35,14 +36,9 @@ fn program(statements: &str, positions: &str) -> String {
     format!("/PROG  M\n/ATTR\n/MN\n{numbered}/POS\n{positions}/END\n")
 }
 
-fn to(position_mm: [f64; 3]) -> Option<Change> {
-    Some(Change { position_mm, quat: None, conf: None, external: None })
-}
-
 fn written(program: &Program, changes: &[Option<Change>]) -> (String, Vec<(usize, Reason)>) {
     let rewritten = program.rewrite(changes, &[], &RewriteOptions::default());
-    let mut out = Vec::new();
-    apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
+    let out = applied(&program.sources[0].bytes, &rewritten.edits[0]);
     (String::from_utf8(out).unwrap(), rewritten.kept)
 }
 

@@ -7,7 +7,7 @@ use deflex::cell::Cell;
 use deflex::correct::{Options, Summary, compensate, predict};
 use deflex::program::{Conf, Config, Goal, Insert, Motion, Program, Reason, RewriteOptions, Role, rapid, tp};
 use deflex::report::difference;
-use deflex::text::{Source, apply};
+use deflex::text::{Source, applied};
 use proptest::prelude::*;
 use std::fmt::Write;
 
@@ -37,8 +37,7 @@ fn program(statements: &str, positions: &str) -> String {
 fn inserted(program: &Program, inserts: &[Insert]) -> (String, Vec<(usize, Reason)>) {
     let changes = vec![None; program.targets.len()];
     let rewritten = program.rewrite(&changes, inserts, &RewriteOptions::default());
-    let mut out = Vec::new();
-    apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
+    let out = applied(&program.sources[0].bytes, &rewritten.edits[0]);
     assert_eq!(rewritten.inserted.len(), inserts.len());
     let refused = |before| rewritten.not_inserted.iter().any(|(i, _)| *i == before);
     for (insert, written) in inserts.iter().zip(&rewritten.inserted) {
@@ -306,8 +305,7 @@ fn as_little_is_left_on_the_way_as_in_rapid() {
         assert!(corrected.failures.is_empty(), "{:?}", corrected.failures);
         let rewritten = corrected.rewritten.as_ref().unwrap();
         assert_eq!(rewritten.not_inserted, []);
-        let mut out = Vec::new();
-        apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
+        let out = applied(&program.sources[0].bytes, &rewritten.edits[0]);
         let left = Summary::of(&corrected.rows).remaining_path_rms_mm;
         (rewritten.inserted.len(), left, String::from_utf8(out).unwrap())
     });
@@ -348,8 +346,7 @@ fn circle_arc_motions_stay_whole() {
 fn what_is_written_is_judged_by_the_original() {
     let [(program, cell), _] = both();
     let corrected = compensate(&program, &cell, &Options { subdivide: Some(5e-6), ..Options::default() }).unwrap();
-    let mut out = Vec::new();
-    apply(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0], &mut out).unwrap();
+    let out = applied(&program.sources[0].bytes, &corrected.rewritten.as_ref().unwrap().edits[0]);
     let again = read(&String::from_utf8(out).unwrap());
     let judged = predict(&again, &cell, &Options::default(), Some(&program)).unwrap();
     let [reported, found] = [&corrected.rows, &judged.rows].map(|rows| Summary::of(rows).remaining_path_rms_mm);

@@ -3,14 +3,15 @@
 #![allow(clippy::float_cmp)] // the very numbers that were written
 
 use super::listed::{listed, refused};
+use super::writing::{to, written};
 use deflex::cell::Cell;
 use deflex::correct::{Options, PostOptions, compensate, post, predict};
 use deflex::program::orientation::{quaternion, rotation};
 use deflex::program::{
-    Change, Conf, Editable, Goal, Insert, Language, Mark, Motion, Passing, Predecessor, Program, Reason,
-    RewriteOptions, Role, rapid, round_trip, ur,
+    Change, Conf, Editable, Goal, Insert, Language, Mark, Motion, Passing, Predecessor, Program, Reason, Role, rapid,
+    round_trip, ur,
 };
-use deflex::text::{Diagnostic, Severity, Source, apply};
+use deflex::text::{Diagnostic, Severity, Source, applied};
 use std::fmt::Write;
 
 fn try_read(text: &str) -> Result<Program, Vec<Diagnostic>> {
@@ -19,17 +20,6 @@ fn try_read(text: &str) -> Result<Program, Vec<Diagnostic>> {
 
 fn read(text: &str) -> Program {
     try_read(text).unwrap_or_else(|errors| panic!("{errors:?}"))
-}
-
-fn to(position_mm: [f64; 3]) -> Option<Change> {
-    Some(Change { position_mm, quat: None, conf: None, external: None })
-}
-
-fn written(program: &Program, changes: &[Option<Change>], inserts: &[Insert]) -> (String, Vec<(usize, Reason)>) {
-    let rewritten = program.rewrite(changes, inserts, &RewriteOptions::default());
-    let mut out = Vec::new();
-    apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
-    (String::from_utf8(out).unwrap(), rewritten.kept)
 }
 
 #[test]
@@ -152,8 +142,7 @@ fn what_is_corrected_lands_and_is_what_rapid_gets() {
     let corrected = compensate(&program, &cell, &Options::default()).unwrap();
     assert!(corrected.failures.is_empty(), "{:?}", corrected.failures);
     let rewritten = corrected.rewritten.as_ref().unwrap();
-    let mut bytes = Vec::new();
-    apply(&program.sources[0].bytes, &rewritten.edits[0], &mut bytes).unwrap();
+    let bytes = applied(&program.sources[0].bytes, &rewritten.edits[0]);
     let again = read(std::str::from_utf8(&bytes).unwrap());
     let after = predict(&again, &cell, &Options::default(), Some(&program)).unwrap();
     assert!(after.rows.iter().skip(1).all(|row| row.error_norm_mm() < 0.002), "{:?}", after.rows);

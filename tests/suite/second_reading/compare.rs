@@ -11,7 +11,7 @@ use super::value::{Frame, Val};
 use deflex::cell::Cell;
 use deflex::correct::{self, Correct, Corrected, Options, Status};
 use deflex::program::{Program, Role, rapid};
-use deflex::text::{Diagnostic, Source, apply};
+use deflex::text::{Diagnostic, Source, applied};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::sync::Mutex;
@@ -373,8 +373,7 @@ struct Seen {
 fn written(program: &Program, corrected: &Corrected) -> Vec<String> {
     let edits = corrected.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.edits[..]);
     let write = |(i, source): (usize, &Source)| {
-        let mut bytes = Vec::new();
-        apply(&source.bytes, edits.get(i).unwrap_or(&Vec::new()), &mut bytes).unwrap();
+        let bytes = applied(&source.bytes, edits.get(i).unwrap_or(&Vec::new()));
         String::from_utf8_lossy(&bytes).into_owned()
     };
     program.sources.iter().enumerate().map(write).collect()

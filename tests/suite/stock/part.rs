@@ -6,7 +6,7 @@ use deflex::correct::{Corrected, Options, Row, Status, compensate, predict};
 use deflex::identify::{Added, Identification, Input, identify};
 use deflex::measured::Table;
 use deflex::program::{Goal, Program, rapid};
-use deflex::text::{Source, apply};
+use deflex::text::{Source, applied};
 use nalgebra::Vector3;
 
 /// A post of 12 × 12 × 80 mm on the arm of the paper.
@@ -226,8 +226,7 @@ fn a_part_is_as_stiff_as_where_it_is_cut_to_the_end_of_a_way_out_of_it() {
     let command = |places: &[f64], subdivide: Option<f64>| {
         let program = down_the_side(places);
         let done = compensate(&program, &cell, &Options { subdivide, ..Options::default() }).unwrap();
-        let mut bytes = Vec::new();
-        apply(&program.sources[0].bytes, &done.rewritten.unwrap().edits[0], &mut bytes).unwrap();
+        let bytes = applied(&program.sources[0].bytes, &done.rewritten.unwrap().edits[0]);
         let corrected = rapid::read(vec![Source::new("side.mod", bytes)], Vec::new()).unwrap();
         let there = corrected.targets.iter().filter_map(|target| match target.goal {
             Goal::Pose { position_mm: [x, y, z], .. } if z < -19.0 => Some([x, y]),

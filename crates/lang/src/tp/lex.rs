@@ -11,24 +11,11 @@ use nom::{IResult, Parser};
 pub type Parsed<'a, T> = IResult<&'a [u8], T>;
 
 /// Blanks, and line ends within a position.
-///
-/// # Examples
-/// ```
-/// assert_eq!(deflex_lang::tp::lex::blanks(b"  P[1]").unwrap(), (&b"P[1]"[..], &b"  "[..]));
-/// ```
 pub fn blanks(input: &[u8]) -> Parsed<'_, &[u8]> {
     take_while(|b: u8| b.is_ascii_whitespace()).parse(input)
 }
 
 /// `parser` with blanks before and after it.
-///
-/// # Examples
-/// ```
-/// use deflex_lang::tp::lex::{spaced, word};
-/// use nom::Parser;
-///
-/// assert_eq!(spaced(word).parse(&b" LBL [1]"[..]).unwrap(), (&b"[1]"[..], &b"LBL"[..]));
-/// ```
 pub fn spaced<'a, T>(
     parser: impl Parser<&'a [u8], Output = T, Error = nom::error::Error<&'a [u8]>>,
 ) -> impl Parser<&'a [u8], Output = T, Error = nom::error::Error<&'a [u8]>> {
@@ -41,11 +28,6 @@ pub(super) fn is_letter(b: u8) -> bool {
 }
 
 /// A word: a letter, then letters, digits and underscores.
-///
-/// # Examples
-/// ```
-/// assert_eq!(deflex_lang::tp::lex::word(b"LBL[1]").unwrap(), (&b"[1]"[..], &b"LBL"[..]));
-/// ```
 pub fn word(input: &[u8]) -> Parsed<'_, &[u8]> {
     verify(take_while1(is_letter), |word: &[u8]| !word[0].is_ascii_digit()).parse(input)
 }
@@ -58,11 +40,6 @@ pub(super) fn keyword<'a>(
 }
 
 /// A number token with its sign: `-12.5`, `.000`, `100.`, `4.29497e+09`.
-///
-/// # Examples
-/// ```
-/// assert_eq!(deflex_lang::tp::lex::number_token(b"-12.5 mm").unwrap(), (&b" mm"[..], &b"-12.5"[..]));
-/// ```
 pub fn number_token(input: &[u8]) -> Parsed<'_, &[u8]> {
     let digits = alt((recognize((digit1, opt(pair(char('.'), digit0)))), recognize(pair(char('.'), digit1))));
     let exponent = (tag_no_case("e"), opt(one_of("+-")), digit1);
@@ -70,22 +47,12 @@ pub fn number_token(input: &[u8]) -> Parsed<'_, &[u8]> {
 }
 
 /// The value of a number token; `None` beyond the numbers of this machine.
-///
-/// # Examples
-/// ```
-/// assert_eq!(deflex_lang::tp::lex::value_of(b"-12.5"), Some(-12.5));
-/// ```
 pub fn value_of(token: &[u8]) -> Option<f64> {
     std::str::from_utf8(token).ok()?.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
 /// `[…]`: the text inside, with balanced brackets. The second byte of a Japanese character (Shift-JIS) in a comment may look like a bracket; it
 /// counts as text.
-///
-/// # Examples
-/// ```
-/// assert_eq!(deflex_lang::tp::lex::brackets(b"[R[1]+1] ;").unwrap(), (&b" ;"[..], &b"R[1]+1"[..]));
-/// ```
 pub fn brackets(input: &[u8]) -> Parsed<'_, &[u8]> {
     let (rest, _) = tag("[").parse(input)?;
     let (mut depth, mut is_second) = (1_usize, false);

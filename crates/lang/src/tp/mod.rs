@@ -12,6 +12,7 @@ mod calls;
 mod code;
 mod effects;
 mod expression;
+#[doc(hidden)]
 pub mod lex;
 pub mod lines;
 mod lower;

@@ -33,9 +33,9 @@ impl Reader {
             .items
             .iter()
             .rposition(|t| t.kind == TokenKind::Word && s.bytes[t.span.range()].eq_ignore_ascii_case(b"TOOL"));
-        let behind = tool.map(|at| &s.items[at + 1..]).unwrap_or_default();
+        let after = tool.map(|at| &s.items[at + 1..]).unwrap_or_default();
         let (Some(first), Some(last)) =
-            (behind.iter().find(|t| t.kind != TokenKind::Comma), behind.iter().rfind(|t| t.kind != TokenKind::Comma))
+            (after.iter().find(|t| t.kind != TokenKind::Comma), after.iter().rfind(|t| t.kind != TokenKind::Comma))
         else {
             return;
         };

@@ -26,19 +26,8 @@ const HEAD: usize = 64 * 1024;
 const MOST_BYTES: usize = 1 << 20;
 
 /// Divides a CL file into chunks, and reads no further than needed.
-///
-/// # Examples
-/// ```
-/// use deflex_program::cl::{Chunks, ClOptions};
-///
-/// let text = &b"UNITS/MM\nFEDRAT/600\nGOTO/0,0,10,0,0,1\nGOTO/50,0,10,0,0,1\n"[..];
-/// if let Some(mut chunks) = Chunks::sized("part.cls", text, &ClOptions::default(), 1 << 20)? {
-///     chunks.take()?;
-///     assert!(chunks.warnings().is_empty());
-/// }
-/// # Ok::<(), std::io::Error>(())
-/// ```
 #[derive(Debug)]
+#[doc(hidden)]
 pub struct Chunks<R> {
     input: R,
     name: String,
@@ -62,16 +51,6 @@ impl<R: Read> Chunks<R> {
     ///
     /// # Errors
     /// `input` cannot be read.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::cl::{Chunks, ClOptions};
-    ///
-    /// let text = std::fs::File::open("../../samples/blade/blade.aptsource")?;
-    /// let chunks = Chunks::new("blade.aptsource", text, &ClOptions::default())?;
-    /// println!("{}", if chunks.is_some() { "read in chunks" } else { "held as a whole" });
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     pub fn new(name: &str, input: R, options: &ClOptions) -> io::Result<Option<Self>> {
         Self::sized(name, input, options, CHUNK)
     }

@@ -57,8 +57,8 @@ impl<'a> Feeds<'a> {
         let unit = self.modal.feed(self.mm_per_unit).1;
         let value = unit.value(wanted, rpm).ok_or(Reason::CycleFeedNeedsSpindle)?;
         self.in_force = unit.feed(value);
-        let [before, behind] = self.form.unwrap_or([b"FEDRAT/", if self.is_in_inches() { b",IPM" } else { b",MMPM" }]);
-        Ok(Some([before, short(value).as_bytes(), behind].concat()))
+        let [before, after] = self.form.unwrap_or([b"FEDRAT/", if self.is_in_inches() { b",IPM" } else { b",MMPM" }]);
+        Ok(Some([before, short(value).as_bytes(), after].concat()))
     }
 
     fn is_in_inches(&self) -> bool {

@@ -46,9 +46,9 @@ fn plain_number(text: &[u8]) -> Option<f64> {
     if count == 0 || count > DIGITS {
         return None;
     }
-    let behind = point.map_or(0, |p| digits.len() - p - 1);
+    let after = point.map_or(0, |p| digits.len() - p - 1);
     #[allow(clippy::cast_precision_loss)] // exact: fifteen digits
-    let value = mantissa as f64 / POWERS[behind];
+    let value = mantissa as f64 / POWERS[after];
     Some(if negative { -value } else { value })
 }
 

@@ -17,7 +17,7 @@ struct Position {
     printed: [f64; 3],
     axis: Option<[f64; 3]>,
     /// The position before the end of its line.
-    behind: RecordStart,
+    after: RecordStart,
 }
 
 impl Position {
@@ -56,7 +56,7 @@ impl Position {
             xyz: [spans[0], spans[1], spans[2]],
             printed: [x, y, z],
             axis,
-            behind: RecordStart { at, line },
+            after: RecordStart { at, line },
         })
     }
 }
@@ -69,7 +69,7 @@ impl Reader {
             return false;
         }
         let Some(position) = Position::read(lexer.bytes(), lexer.place()) else { return false };
-        lexer.go_on(position.behind);
+        lexer.go_on(position.after);
         self.literal_targets += 1;
         self.understood += 1;
         self.modal.axis = position.axis.unwrap_or_else(|| self.axis_where_none_is_printed());

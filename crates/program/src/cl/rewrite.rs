@@ -5,8 +5,8 @@ use super::lex::chunks;
 use super::modal::Xyz;
 use super::number::number;
 use super::vector::{add, norm, scale, sub};
-use crate::front_end::FrontEnd;
-use crate::{Change, Goal, Insert, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
+use crate::front_end::{FrontEnd, Wanted};
+use crate::{Change, Goal, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
 use deflex_text::{Content, Edit, Source, Span, number as text_number};
 
 /// Corrections that differ by less than this are equal, mm: below the last printed digit.
@@ -18,13 +18,8 @@ const CARD_COLUMNS: usize = 72;
 impl FrontEnd for Layout {
     /// An arc moves as a whole if all its points move equally. The tool axis stays as printed, and nothing is inserted: corrected CL programs
     /// are posted in another language instead.
-    fn rewrite(
-        &self,
-        program: &Program,
-        changes: &[Option<Change>],
-        inserts: &[Insert],
-        options: &RewriteOptions,
-    ) -> Rewritten {
+    fn rewrite(&self, program: &Program, wanted: Wanted<'_>) -> Rewritten {
+        let Wanted { changes, inserts, options } = wanted;
         let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
         let Some(source) = program.sources.first() else { return out };
         let mut writer =

@@ -25,17 +25,8 @@ const LONGEST: usize = 4096;
 const MOST_KINDS: usize = 64;
 
 /// Divides a program into chunks, and reads no further than needed.
-///
-/// # Examples
-/// ```
-/// use deflex_program::krl::{CHUNK, Chunks};
-///
-/// let file = std::fs::File::open("../../samples/kuka/ring.src")?;
-/// let chunks = Chunks::of_file("ring.src", file, &[], CHUNK)?;
-/// println!("{}", if chunks.is_some() { "read in chunks" } else { "read as a whole" });
-/// # Ok::<(), std::io::Error>(())
-/// ```
 #[derive(Debug)]
+#[doc(hidden)]
 pub struct Chunks<R> {
     input: R,
     chunk: usize,
@@ -59,17 +50,8 @@ pub struct Chunks<R> {
 }
 
 /// A stretch of lines, not yet read.
-///
-/// # Examples
-/// ```
-/// use deflex_program::krl::Chunk;
-///
-/// /// Whether a stretch of lines is of the expected kind.
-/// fn is_readable(chunk: Chunk) -> bool {
-///     chunk.read().is_some()
-/// }
-/// ```
 #[derive(Debug)]
+#[doc(hidden)]
 pub struct Chunk {
     reader: Arc<Reader>,
     source: Source,

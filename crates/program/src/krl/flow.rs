@@ -2,12 +2,12 @@
 
 use super::run::Runner;
 use super::state::ModalState;
-use super::steps::{Row, Test, VALUES_PER_STEP};
+use super::steps::{Row, Test};
 use super::symbols::{RoutineId, STANDS};
 use super::tree::Loop;
 use super::value::Value;
 use crate::Reason;
-use deflex_lang::walk::{Machine, Meeting, Stop};
+use deflex_lang::walk::{Machine, Meeting, Stop, VALUES_PER_STEP};
 
 /// Sizes of the results so far.
 #[derive(Clone, Copy, Debug)]

@@ -80,18 +80,7 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
 ///
 /// # Errors
 /// As [`read`], but for cut-off files.
-///
-/// # Examples
-/// ```
-/// use deflex_program::krl;
-/// use deflex_text::Source;
-///
-/// let source = Source::new("ring.src", std::fs::read("../../samples/kuka/ring.src")?);
-/// let points = Source::new("ring.dat", std::fs::read("../../samples/kuka/ring.dat")?);
-/// let program = krl::look(vec![source, points], vec![])?;
-/// assert!(!program.targets.is_empty());
-/// # Ok::<(), deflex_text::Diagnostics>(())
-/// ```
+#[doc(hidden)]
 pub fn look(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     read_cut(sources, context, true)
 }

@@ -3,10 +3,10 @@
 use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, follows_a_name, near};
 use super::run::PositionTokens;
 use super::{Layout, insert, names};
-use crate::front_end::FrontEnd;
+use crate::front_end::{FrontEnd, Wanted};
 use crate::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::token::{New, signed, single};
-use crate::{Change, Goal, Insert, NO_TURN, Passing, Program, Reason, RewriteOptions, Rewritten, Role};
+use crate::{Change, Goal, NO_TURN, Passing, Program, Reason, Rewritten, Role};
 use deflex_lang::shared::agree;
 use deflex_text::{Content, Edit, Span, Token};
 use std::collections::HashSet;
@@ -44,13 +44,8 @@ impl FrontEnd for Layout {
         insert::without_approximation(program, wanted)
     }
 
-    fn rewrite(
-        &self,
-        program: &Program,
-        changes: &[Option<Change>],
-        inserts: &[Insert],
-        _: &RewriteOptions,
-    ) -> Rewritten {
+    fn rewrite(&self, program: &Program, wanted: Wanted<'_>) -> Rewritten {
+        let Wanted { changes, inserts, .. } = wanted;
         let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
         let apart = self.are_apart();
         // A joint motion whose status or turn would be untrue stays with its numbers.

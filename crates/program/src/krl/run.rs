@@ -2,14 +2,14 @@
 
 use super::lex::Cursor;
 use super::state::{Changes, ModalState};
-use super::steps::{Routines, VALUES_PER_STEP, routines};
+use super::steps::{Routines, routines};
 use super::symbols::{Id, MARK, RoutineId, SPLINE, Symbols};
 use super::tree::{File, Loop, Routine, Statement, StatementKind};
 use super::value::{Name, Selector, Value, upper};
 use crate::kept::KeptStatements;
 use crate::{Mark, Reason, Target, Tool, UnknownMotion, Wobj};
 use deflex_lang::ir::SourceSpan;
-use deflex_lang::walk::Stop;
+use deflex_lang::walk::{Stop, VALUES_PER_STEP};
 use deflex_text::{Diagnostic, Severity, Source, Span, decode};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;

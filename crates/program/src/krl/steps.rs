@@ -4,9 +4,6 @@ use super::expression::Expression;
 use super::tree::{File, Loop, Statement, StatementKind};
 use deflex_lang::flow::{Builder, Flow};
 
-/// Number of values that are compared and copied in about the time in which a statement runs.
-pub(super) const VALUES_PER_STEP: usize = 256;
-
 /// Consecutive statements that do not decide which statement runs next.
 pub(super) type Row<'a> = &'a [Statement];
 

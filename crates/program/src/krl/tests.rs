@@ -1,6 +1,6 @@
 use super::*;
 use crate::{ArcTurn, Change, Editable, Goal, Mark, Motion, Reason, RewriteOptions, Role};
-use deflex_text::apply;
+use deflex_text::applied;
 
 fn program_of(texts: &[(&str, &str)], context: &[(&str, &str)]) -> Program {
     let sources = |texts: &[(&str, &str)]| texts.iter().map(|(name, text)| Source::new(*name, *text)).collect();
@@ -29,8 +29,7 @@ fn moved(program: &Program, by: f64) -> Vec<String> {
     let changes: Vec<_> = program.targets.iter().map(change).collect();
     let rewritten = program.rewrite(&changes, &[], &RewriteOptions::default());
     let write = |(source, edits): (&Source, &Vec<deflex_text::Edit>)| {
-        let mut out = Vec::new();
-        apply(&source.bytes, edits, &mut out).unwrap();
+        let out = applied(&source.bytes, edits);
         String::from_utf8(out).unwrap()
     };
     program.sources.iter().zip(&rewritten.edits).map(write).collect()
@@ -171,7 +170,7 @@ fn what_is_known_only_at_run_time_stays() {
 }
 
 #[test]
-fn frames_by_a_condition_are_unknown_behind_it() {
+fn frames_by_a_condition_are_unknown_after_it() {
     let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
     let p = program(&format!(
         "$BASE=BASE_DATA[1]\nIF $IN[1] THEN\n$BASE=BASE_DATA[2]\n{line}\nENDIF\n{line}\n$BASE=BASE_DATA[1]\n{line}"
@@ -281,16 +280,15 @@ fn external_axes_that_do_not_go_where_positions_say_keep_their_targets() {
     // For one motion, and of the axis whose bit is set; who leaves it out has it from there.
     let first = line(1, ",E1 5.0,E2 7.0");
     let with = |bits: &str| format!("{} WITH $EX_AX_IGNORE='B{bits}'", line(2, ",E1 6.0,E2 7.0"));
-    let behind = line(3, ",E1 9.0,E2 7.0");
-    assert_eq!(all(&format!("{first}\n{}\n{behind}", with("01"))), (vec!['P', '-', 'P'], vec![chosen]));
-    assert_eq!(all(&format!("{first}\n{}\n{behind}", with("00"))).0, ['P'; 3]);
-    assert_eq!(all(&format!("{first}\n{}\n{behind}", with("100"))).0, ['P'; 3], "E3 is named nowhere");
+    let after = line(3, ",E1 9.0,E2 7.0");
+    assert_eq!(all(&format!("{first}\n{}\n{after}", with("01"))), (vec!['P', '-', 'P'], vec![chosen]));
+    assert_eq!(all(&format!("{first}\n{}\n{after}", with("00"))).0, ['P'; 3]);
+    assert_eq!(all(&format!("{first}\n{}\n{after}", with("100"))).0, ['P'; 3], "E3 is named nowhere");
     assert_eq!(all(&format!("{first}\n{}\n{}", with("01"), line(3, ""))).0, ['P', '-', '-']);
-    let spline =
-        format!("{first}\nSPLINE WITH $EX_AX_IGNORE='B10'\n{behind}\nENDSPLINE\n{}", line(4, ",E1 1.0,E2 7.0"));
+    let spline = format!("{first}\nSPLINE WITH $EX_AX_IGNORE='B10'\n{after}\nENDSPLINE\n{}", line(4, ",E1 1.0,E2 7.0"));
     assert_eq!(editable(&program(&spline)), ['P', '-', 'P']);
     let alone = Reason::AsynchronousAxis;
-    assert_eq!(all(&format!("$ASYNC_AXIS='B1'\n{first}\n$ASYNC_AXIS=0\n{behind}")), (vec!['-', 'P'], vec![alone]));
+    assert_eq!(all(&format!("$ASYNC_AXIS='B1'\n{first}\n$ASYNC_AXIS=0\n{after}")), (vec!['-', 'P'], vec![alone]));
     assert_eq!(all(&format!("$ASYNC_AXIS=$ASYNC_AXIS B_AND 'B110'\n{first}")).0, ['-'], "what it was is not known");
     assert_eq!(all(&format!("$ASYNC_AXIS='B1'\n{}", line(1, ""))).0, ['P'], "no axis is named");
     assert_eq!(
@@ -422,16 +420,16 @@ fn the_folds_of_the_controller_itself_leave_tool_and_base_known() {
 
 #[test]
 fn a_routine_that_is_in_no_file_may_change_the_tables_of_frames() {
-    let behind = |set: &str| editable(&program(&format!("other()\n$TOOL=$NULLFRAME\n{set}\nLIN {POINT}")));
-    assert!(behind("$BASE=BASE_DATA[1]").is_empty());
-    assert!(behind("BAS(#BASE,1)").is_empty());
+    let after = |set: &str| editable(&program(&format!("other()\n$TOOL=$NULLFRAME\n{set}\nLIN {POINT}")));
+    assert!(after("$BASE=BASE_DATA[1]").is_empty());
+    assert!(after("BAS(#BASE,1)").is_empty());
     assert_eq!(
-        behind(&format!("$IPO_MODE=#BASE\n$ORI_TYPE=#VAR\nBASE_DATA[1]={POINT}\n$BASE=BASE_DATA[1]")),
+        after(&format!("$IPO_MODE=#BASE\n$ORI_TYPE=#VAR\nBASE_DATA[1]={POINT}\n$BASE=BASE_DATA[1]")),
         ['P'],
         "known again"
     );
     assert!(
-        behind(&format!("$IPO_MODE=#BASE\n$ORI_TYPE=#VAR\nBASE_DATA[1]={POINT}\n$BASE=BASE_DATA[2]")).is_empty(),
+        after(&format!("$IPO_MODE=#BASE\n$ORI_TYPE=#VAR\nBASE_DATA[1]={POINT}\n$BASE=BASE_DATA[2]")).is_empty(),
         "another"
     );
     for call in ["other()", "INTERRUPT DECL 4 WHEN $IN[1] DO other()"] {
@@ -562,9 +560,9 @@ fn a_statement_that_may_fail_leaves_what_it_sets_unknown() {
 #[test]
 fn the_last_motion_of_a_branch_or_a_round_is_edited() {
     let other = POINT.replace("X 1.0", "X 9.0");
-    let full = |behind: &str| {
+    let full = |after: &str| {
         editable(&program(&format!(
-            "IF $IN[1] THEN\nLIN {POINT}\nENDIF\nLOOP\nLIN {other}\nIF $IN[1] THEN\nEXIT\nENDIF\nENDLOOP\n{behind}"
+            "IF $IN[1] THEN\nLIN {POINT}\nENDIF\nLOOP\nLIN {other}\nIF $IN[1] THEN\nEXIT\nENDIF\nENDLOOP\n{after}"
         )))
     };
     assert_eq!(full(""), ['P', 'P']);
@@ -724,7 +722,7 @@ fn numbers_put_where_what_stands_is_not_known_stay() {
 }
 
 #[test]
-fn what_stands_behind_a_return_is_read_where_a_label_leads_there() {
+fn what_stands_after_a_return_is_read_where_a_label_leads_there() {
     let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
     let p = program(&format!("IF $IN[1] THEN\nGOTO far\nENDIF\n{line}\nRETURN\nfar:\n{line}"));
     assert_eq!(p.targets.len(), 2);

@@ -12,8 +12,8 @@ mod targets;
 
 pub(super) use targets::{Lowering, endless, intern, read};
 
-use super::front_end::{FrontEnd, stops_at};
-use super::{Change, Insert, Passing, Program, Reason, RewriteOptions, Rewritten};
+use super::front_end::{FrontEnd, Wanted, stops_at};
+use super::{Passing, Program, Reason, Rewritten};
 use crate::orientation::quaternion;
 use deflex_lang::dialect::Dialect;
 use deflex_lang::ir::{SourceSpan, TokenId};
@@ -97,16 +97,10 @@ impl Layout {
 }
 
 impl FrontEnd for Layout {
-    fn rewrite(
-        &self,
-        program: &Program,
-        changes: &[Option<Change>],
-        inserts: &[Insert],
-        options: &RewriteOptions,
-    ) -> Rewritten {
-        let mut out = rewrite::rewrite(program, self, changes, options);
-        for insert in inserts {
-            out.insert(insert.before, insert::statement(program, self, insert, options));
+    fn rewrite(&self, program: &Program, wanted: Wanted<'_>) -> Rewritten {
+        let mut out = rewrite::rewrite(program, self, wanted);
+        for insert in wanted.inserts {
+            out.insert(insert.before, insert::statement(program, self, insert, wanted.options));
         }
         out.edits.iter_mut().for_each(|edits| edits.sort_by_key(|edit| edit.span));
         out

@@ -1,6 +1,7 @@
 //! Writes corrected poses into the tokens that decide them.
 
 use super::{Layout, PoseSource};
+use crate::front_end::Wanted;
 use crate::token::New;
 use crate::{Change, Editable, Goal, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
 use deflex_lang::ir::TokenId;
@@ -15,12 +16,7 @@ pub(super) struct Print {
     pub(super) written: ([f64; 3], [f64; 4]),
 }
 
-pub(super) fn rewrite(
-    program: &Program,
-    layout: &Layout,
-    changes: &[Option<Change>],
-    options: &RewriteOptions,
-) -> Rewritten {
+pub(super) fn rewrite(program: &Program, layout: &Layout, Wanted { changes, options, .. }: Wanted<'_>) -> Rewritten {
     let mut kept = Vec::new();
     let mut prints: Vec<Option<Print>> = Vec::with_capacity(changes.len());
     for (i, (site, change)) in layout.sites.iter().zip(changes).enumerate() {

@@ -3,12 +3,12 @@
 //! Each chunk adds the wanted values of its motions. For equal motions, enough of these values are stored to know which of them disagree. The
 //! new numbers of the text follow from them as for a program that is held as a whole, and each chunk receives them.
 
-use super::rewrite::{Settled, rewrite_settled};
+use super::rewrite::{Settled, rewrite_agreed};
 use super::value::OffsetStep;
 use super::writer::{Print, Writer};
 use super::{Layout, TargetInText};
 use crate::token::MAX_DECIMALS;
-use crate::{Change, Editable, Goal, Program, Reason, RewriteOptions, Rewritten, Target};
+use crate::{Change, Editable, Goal, Program, Reason, RewriteOptions, Rewritten, Target, front_end};
 use deflex_text::Edit;
 use smallvec::SmallVec;
 use std::collections::HashMap;
@@ -75,14 +75,9 @@ impl Again {
         Self { alike, agreement }
     }
 
-    pub(super) fn rewrite(
-        &self,
-        program: &Program,
-        layout: &Layout,
-        changes: &[Option<Change>],
-        options: &RewriteOptions,
-    ) -> Rewritten {
-        let mut writer = Writer::new(program, layout, options);
+    pub(super) fn rewrite(&self, program: &Program, layout: &Layout, wanted: front_end::Wanted<'_>) -> Rewritten {
+        let changes = wanted.changes;
+        let mut writer = Writer::new(program, layout, wanted.options);
         let nothing = Settled::default();
         let settled = match &self.agreement {
             Agreement::None => &nothing,
@@ -144,7 +139,8 @@ impl WantedValues {
         let (files, layout) = ((Arc::clone(&like.sources), like.written), Layout::default());
         let layout = crate::Layout::Rapid(layout);
         let program = Program { targets, ..Program::empty(like.language, like.dialect, files, layout) };
-        let (rewritten, settled) = rewrite_settled(&program, &all_runs, &changes, &[], options);
+        let (rewritten, settled) =
+            rewrite_agreed(&program, &all_runs, front_end::Wanted { changes: &changes, inserts: &[], options });
         Some(Agreed { settled, edits: rewritten.edits, contradicted: AtomicBool::new(false) })
     }
 }

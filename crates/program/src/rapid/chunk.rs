@@ -42,7 +42,7 @@ pub struct Chunk {
     pub(super) motions_before: u32,
     pub(super) motions: u32,
     pub(super) last_line: usize,
-    pub(super) mark_behind: Option<Mark>,
+    pub(super) mark_at_end: Option<Mark>,
     pub(super) last: bool,
 }
 
@@ -96,8 +96,8 @@ impl Chunk {
                 _ => self.elsewhere.push(Elsewhere { own, at: entry.start, shared: entry.shared() }),
             }
         }
-        let (before, behind) = self.source.bytes.split_at(data);
-        self.source.bytes = [before, text, behind].concat();
+        let (before, after) = self.source.bytes.split_at(data);
+        self.source.bytes = [before, text, after].concat();
         let shifted = |range: &Range<usize>| range.start + text.len()..range.end + text.len();
         (self.own, self.stretch) = (shifted(&self.own), shifted(&self.stretch));
         self.head += text.len();

@@ -31,18 +31,8 @@ const AHEAD: usize = 4;
 const FIRST: &[u8] = b"MoveL";
 
 /// Divides a program into chunks, and reads no further than needed.
-///
-/// # Examples
-/// ```
-/// use deflex_program::rapid::Chunks;
-///
-/// let file = std::fs::File::open("../../samples/slot/slot.mod")?;
-/// if let Some(mut chunks) = Chunks::sized("slot.mod", file, &[], 4096)? {
-///     chunks.take()?;
-/// }
-/// # Ok::<(), std::io::Error>(())
-/// ```
 #[derive(Debug)]
+#[doc(hidden)]
 pub struct Chunks<R> {
     input: R,
     name: String,
@@ -79,14 +69,6 @@ impl<R: Read> Chunks<R> {
     ///
     /// # Errors
     /// `input` cannot be read.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::rapid::Chunks;
-    ///
-    /// assert!(Chunks::new("note.txt", &b"not a program\n"[..], &[])?.is_none());
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     pub fn new(name: &str, input: R, context: &[Source]) -> io::Result<Option<Self>> {
         Self::sized(name, input, context, CHUNK)
     }
@@ -269,20 +251,20 @@ impl<R: Read> Chunks<R> {
             motions_before,
             motions: self.motions - motions_before,
             last_line: self.last_line,
-            mark_behind: self.mark,
+            mark_at_end: self.mark,
             last: cut.last,
         }))
     }
 
     /// The end of the stretch that begins at `rest`; its motions and marks are counted.
     fn cut(&mut self) -> Option<Cut> {
-        let (mut at, mut lines, mut behind_motion) = (0, 0, false);
+        let (mut at, mut lines, mut moves) = (0, 0, false);
         let rest = &self.rest[self.cut..];
         let whole = rest.len() < 2 * self.chunk + LONGEST;
         let most = self.motions + MOTIONS;
         // How the last motion's line begins, its word with the byte after it.
         let mut lead: &[u8] = &[];
-        while at < self.chunk && self.motions < most || !behind_motion {
+        while at < self.chunk && self.motions < most || !moves {
             let line = line_of(&rest[at..]);
             let ended = line.last() == Some(&b'\n');
             if line.is_empty() || !ended && !whole {
@@ -290,26 +272,26 @@ impl<R: Read> Chunks<R> {
                 return None;
             }
             let text = line.trim_ascii();
-            behind_motion = !lead.is_empty() && line.starts_with(lead) && text.ends_with(b";");
+            moves = !lead.is_empty() && line.starts_with(lead) && text.ends_with(b";");
             match text.first() {
                 None => {}
                 Some(b'!') => self.mark = Mark::of(&text[1..]).or(self.mark),
                 Some(_) => {
-                    if !behind_motion {
+                    if !moves {
                         let word = first_word(text);
                         if word.eq_ignore_ascii_case(b"ENDPROC") {
                             return Some(Cut { stretch: at, lines, last: true });
                         }
-                        behind_motion = is_motion(word);
+                        moves = is_motion(word);
                         // A statement on several lines, or a comment after one, is not examined further.
-                        if !text.ends_with(b";") || !behind_motion && !harmless(text) {
+                        if !text.ends_with(b";") || !moves && !harmless(text) {
                             return None;
                         }
-                        if behind_motion {
+                        if moves {
                             lead = &line[..line.len() - line.trim_ascii_start().len() + word.len() + 1];
                         }
                     }
-                    if behind_motion {
+                    if moves {
                         self.motions += 1;
                         self.last_line = self.lines + lines + 1;
                     }

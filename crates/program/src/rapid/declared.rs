@@ -19,21 +19,8 @@ use std::sync::Arc;
 const LINES: usize = 1 << 20;
 
 /// Divides a program into chunks.
-///
-/// # Examples
-/// ```
-/// use deflex_program::rapid::Declared;
-/// use std::fs::File;
-/// use std::io;
-///
-/// /// The names of the targets of a long file whose targets are declared.
-/// fn names(path: &str) -> io::Result<Option<deflex_program::rapid::Names>> {
-///     let (body, file) = (File::open(path)?, File::open(path)?);
-///     Ok(Declared::sized(path, body, file, &[], 1 << 20)?.map(|declared| declared.names()))
-/// }
-/// # Ok::<(), deflex_text::Diagnostics>(())
-/// ```
 #[derive(Debug)]
+#[doc(hidden)]
 pub struct Declared<R> {
     index: Arc<Index>,
     /// The text in running order.
@@ -51,17 +38,6 @@ impl<R: Read + Seek> Declared<R> {
     ///
     /// # Errors
     /// The file cannot be read.
-    ///
-    /// # Examples
-    /// ```
-    /// use deflex_program::rapid::Declared;
-    /// use std::fs::File;
-    ///
-    /// let open = || File::open("../../samples/slot/slot.mod");
-    /// let declared = Declared::new("slot.mod", open()?, open()?, &[])?;
-    /// println!("{}", if declared.is_some() { "read in running order" } else { "read in another way" });
-    /// # Ok::<(), std::io::Error>(())
-    /// ```
     pub fn new(name: &str, body: R, file: R, context: &[Source]) -> io::Result<Option<Self>> {
         Self::sized(name, body, file, context, CHUNK)
     }
@@ -118,16 +94,8 @@ impl<R: Read + Seek> Declared<R> {
 }
 
 /// Names of a program's declared targets.
-///
-/// # Examples
-/// ```
-/// # use deflex_program::rapid;
-/// # use deflex_text::Source;
-/// # let program = rapid::read(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-/// let names = deflex_program::rapid::Names::of(&program);
-/// # Ok::<(), deflex_text::Diagnostics>(())
-/// ```
 #[derive(Clone, Debug)]
+#[doc(hidden)]
 pub struct Names(Known);
 
 /// How the names are stored.

@@ -72,8 +72,8 @@ impl<'a> Runner<'a> {
     }
 
     /// Applies, before and after a statement that may fail, the changes of a handler that runs it again or continues after it.
-    pub(super) fn may_be_handled(&mut self, behind: bool) {
-        if self.handler().is_some_and(|handler| handler.again || behind && handler.goes_on) {
+    pub(super) fn may_be_handled(&mut self, has_run: bool) {
+        if self.handler().is_some_and(|handler| handler.again || has_run && handler.goes_on) {
             self.run_handler();
         }
     }

@@ -3,13 +3,13 @@
 mod functions;
 mod operators;
 
-use super::expression::{Expression, ExpressionKind, Operation, Operator, Part, PartStep};
+use super::expression::{Expression, ExpressionKind, Operation, Part, PartStep};
 use super::literal::Literal;
 use super::runner::Runner;
 use super::symbols::Upper;
 use super::value::{self, Pose, Value};
 use crate::Reason;
-use deflex_lang::ir::SourceSpan;
+use deflex_lang::ir::{Binary, SourceSpan};
 use deflex_text::Span;
 use operators::apply;
 pub(super) use operators::equal;
@@ -92,7 +92,7 @@ impl<'a> Runner<'a> {
                             self.numbers.pin_value(side);
                         }
                     }
-                    let divides = matches!(operator, Operator::Divide | Operator::Div | Operator::Mod);
+                    let divides = matches!(operator, Binary::Divide | Binary::Quotient | Binary::Remainder);
                     if divides && right.num().is_none_or(|by| by == 0.0) {
                         self.expression_may_fail();
                     }

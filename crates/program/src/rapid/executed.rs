@@ -20,20 +20,8 @@ const TARGETS: usize = 512;
 const WAITING: usize = 2;
 
 /// A program whose loops and calls run through more motions than memory can hold.
-///
-/// # Examples
-/// ```
-/// use deflex_program::rapid::Executed;
-/// use deflex_text::Source;
-///
-/// let file = || std::fs::read("../../samples/slot/slot.mod").map(|bytes| vec![Source::new("slot.mod", bytes)]);
-/// assert!(Executed::read(file()?, vec![])?.is_none()); // it has no loop
-/// if let Some(program) = Executed::sized(file()?, vec![], 1000, 100)? {
-///     println!("{} different motions", program.distinct().targets.len());
-/// }
-/// # Ok::<(), deflex_text::Diagnostics>(())
-/// ```
 #[derive(Clone, Debug)]
+#[doc(hidden)]
 pub struct Executed {
     held: Arc<Held>,
     found: Arc<Distinct>,
@@ -95,13 +83,11 @@ impl Executed {
 
     /// Its targets in chunks, if nothing will be written.
     #[must_use]
-    #[doc(hidden)]
     pub fn chunks(&self) -> ExecutedChunks {
         self.run(Agreement::None)
     }
 
     /// Its targets in chunks for two runs: the first to compute the corrections, the second with the corrections as they will be written.
-    #[doc(hidden)]
     pub fn chunks_of_two_runs(&self) -> (ExecutedChunks, FirstRun<'_>) {
         let wanted = Arc::new(WantedValues::default());
         (self.run(Agreement::Open(Arc::clone(&wanted))), FirstRun { program: self, wanted })
@@ -157,17 +143,8 @@ impl Answer {
 }
 
 /// Targets in the order in which the program runs through them.
-///
-/// # Examples
-/// ```
-/// use deflex_program::rapid::ExecutedChunks;
-///
-/// /// The number of different motions of a program.
-/// fn motions(chunks: &ExecutedChunks) -> usize {
-///     chunks.program().distinct().targets.len()
-/// }
-/// ```
 #[derive(Debug)]
+#[doc(hidden)]
 pub struct ExecutedChunks {
     program: Executed,
     agreement: Agreement,

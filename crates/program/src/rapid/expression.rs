@@ -1,6 +1,7 @@
 //! Expressions and calls. Each is read once, into a tree with the places of its names and numbers.
 
 use crate::Reason;
+use deflex_lang::ir::Binary;
 use deflex_text::Span;
 
 /// An expression and its place in its file.
@@ -60,7 +61,7 @@ pub(super) struct Chain {
 
 #[derive(Debug)]
 pub(super) struct Operation {
-    pub(super) operator: Operator,
+    pub(super) operator: Binary,
     pub(super) right: Expression,
 }
 
@@ -89,36 +90,14 @@ pub(super) struct OptionalArgument {
     pub(super) value: Option<Expression>,
 }
 
-/// The operators of two operands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Operator {
-    Or,
-    Xor,
-    And,
-    Equal,
-    Unequal,
-    Less,
-    Greater,
-    AtMost,
-    AtLeast,
-    Add,
-    Subtract,
-    Multiply,
-    Divide,
-    Div,
-    Mod,
-}
-
-impl Operator {
-    /// Its level of precedence; operators of a higher level bind tighter. ABB, *RAPID overview*, "Priority between operators".
-    pub(super) fn level(self) -> u8 {
-        match self {
-            Self::Or | Self::Xor => 0,
-            Self::And => 1,
-            Self::Equal | Self::Unequal | Self::Less | Self::Greater | Self::AtMost | Self::AtLeast => NOT + 1,
-            Self::Add | Self::Subtract => NOT + 2,
-            Self::Multiply | Self::Divide | Self::Div | Self::Mod => NOT + 3,
-        }
+/// The level of precedence of an operator; operators of a higher level bind tighter. ABB, *RAPID overview*, "Priority between operators".
+pub(super) fn level(operator: Binary) -> u8 {
+    match operator {
+        Binary::Or | Binary::Xor => 0,
+        Binary::And => 1,
+        Binary::Equal | Binary::NotEqual | Binary::Less | Binary::Greater | Binary::AtMost | Binary::AtLeast => NOT + 1,
+        Binary::Add | Binary::Subtract => NOT + 2,
+        Binary::Multiply | Binary::Divide | Binary::Quotient | Binary::Remainder => NOT + 3,
     }
 }
 

@@ -5,12 +5,12 @@ use super::expression::{Arguments, Expression, ExpressionKind};
 use super::run::MOTIONS;
 use super::runner::{Mode, Runner, RunningLoop};
 use super::state::{Site, Stands, State};
-use super::steps::{Action, Decision, Step, Test, VALUES_PER_STEP};
+use super::steps::{Action, Decision, Step, Test};
 use super::symbols::Upper;
 use super::tree::{Statement, StatementKind, Storage};
 use super::value::Value;
 use crate::Reason;
-use deflex_lang::walk::{Machine, Meeting, Stop, walk};
+use deflex_lang::walk::{Machine, Meeting, Stop, VALUES_PER_STEP, walk};
 use deflex_text::Span;
 use std::rc::Rc;
 

@@ -87,7 +87,7 @@ impl Scan {
         if self.within == Within::Data
             && !self.lead.is_empty()
             && text.starts_with(&self.lead)
-            && let Some(name) = declared_behind(text, self.lead.len())
+            && let Some(name) = declared_after(text, self.lead.len())
         {
             return self.declare(text, name, start, line.len());
         }
@@ -168,8 +168,8 @@ fn procedure(text: &[u8]) -> Option<&[u8]> {
         return None;
     }
     let name = word(text, keyword.end)?;
-    let behind = text[name.end..].trim_ascii_start();
-    let alone = behind.strip_prefix(b"(")?.trim_ascii_start() == b")";
+    let after = text[name.end..].trim_ascii_start();
+    let alone = after.strip_prefix(b"(")?.trim_ascii_start() == b")";
     // A procedure named like an instruction would run wherever the instruction is meant.
     let name = &text[name];
     (alone && !is_motion(name) && !harmless(name)).then_some(name)
@@ -296,11 +296,11 @@ pub(super) fn declared(text: &[u8]) -> Option<Range<usize>> {
         return None;
     }
     let kind = word(text, storage.end)?;
-    declared_behind(text, kind.end).filter(|_| text[kind].eq_ignore_ascii_case(b"robtarget"))
+    declared_after(text, kind.end).filter(|_| text[kind].eq_ignore_ascii_case(b"robtarget"))
 }
 
 /// The same, from after storage class and type.
-fn declared_behind(text: &[u8], from: usize) -> Option<Range<usize>> {
+fn declared_after(text: &[u8], from: usize) -> Option<Range<usize>> {
     let name = word(text, from)?;
     let value = text[name.end..].trim_ascii_start().strip_prefix(b":=")?.trim_ascii_start().strip_suffix(b";")?;
     let alone = value.starts_with(b"[") && memchr::memchr3(b';', b'!', b'"', value).is_none();

@@ -153,7 +153,7 @@ pub(super) struct Cursor<'a> {
     /// Offset at which the cursor stops.
     pub(super) end: usize,
     /// End of the lexeme taken last.
-    pub(super) behind: usize,
+    pub(super) passed: usize,
     /// The last `! deflex …` comment passed, for the code that walks statements.
     pub(super) mark: Option<Mark>,
     /// The lexeme last peeked at, often several times before it is passed.
@@ -163,7 +163,7 @@ pub(super) struct Cursor<'a> {
 impl<'a> Cursor<'a> {
     pub(super) fn new(bytes: &'a [u8], span: Span) -> Self {
         let range = span.range();
-        Self { bytes, at: range.start, end: range.end.min(bytes.len()), behind: range.start, mark: None, seen: NONE }
+        Self { bytes, at: range.start, end: range.end.min(bytes.len()), passed: range.start, mark: None, seen: NONE }
     }
 
     /// Passes blanks and comments.
@@ -210,7 +210,7 @@ impl<'a> Cursor<'a> {
     /// Passes a lexeme that was seen by [`Cursor::peek`].
     pub(super) fn pass(&mut self, lexeme: Lexeme) {
         self.at = lexeme.end;
-        self.behind = lexeme.end;
+        self.passed = lexeme.end;
     }
 
     /// Passes the next lexeme if it is of this kind.
@@ -237,98 +237,34 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// A reserved word that opens, divides or closes a block, so that no statement continues across it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Key {
-    Module,
-    EndModule,
-    Proc,
-    EndProc,
-    Func,
-    EndFunc,
-    Trap,
-    EndTrap,
-    Record,
-    EndRecord,
-    Alias,
-    Local,
-    Task,
-    Var,
-    Pers,
-    Const,
-    If,
-    Then,
-    ElseIf,
-    Else,
-    EndIf,
-    For,
-    Do,
-    EndFor,
-    While,
-    EndWhile,
-    Test,
-    Case,
-    Default,
-    EndTest,
-    Error,
-    Undo,
-    Backward,
-    Goto,
-    Return,
-    Raise,
-    Exit,
-    Retry,
-    TryNext,
-    Connect,
+macro_rules! keys {
+    ($($key:ident: $($word:literal)|+,)*) => {
+        /// A reserved word that opens, divides or closes a block, so that no statement continues across it.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub(super) enum Key {
+            $($key,)*
+        }
+
+        /// The reserved word that `word` is, in any case.
+        pub(super) fn key(word: &[u8]) -> Option<Key> {
+            let mut upper = [0_u8; 9];
+            let upper = upper.get_mut(..word.len())?;
+            upper.copy_from_slice(word);
+            upper.make_ascii_uppercase();
+            Some(match &*upper {
+                $($($word)|+ => Key::$key,)*
+                _ => return None,
+            })
+        }
+    };
 }
 
-/// The reserved word that `word` is, in any case.
-pub(super) fn key(word: &[u8]) -> Option<Key> {
-    let mut upper = [0_u8; 9];
-    let upper = upper.get_mut(..word.len())?;
-    upper.copy_from_slice(word);
-    upper.make_ascii_uppercase();
-    Some(match &*upper {
-        b"MODULE" | b"SYSMODULE" => Key::Module,
-        b"ENDMODULE" => Key::EndModule,
-        b"PROC" => Key::Proc,
-        b"ENDPROC" => Key::EndProc,
-        b"FUNC" => Key::Func,
-        b"ENDFUNC" => Key::EndFunc,
-        b"TRAP" => Key::Trap,
-        b"ENDTRAP" => Key::EndTrap,
-        b"RECORD" => Key::Record,
-        b"ENDRECORD" => Key::EndRecord,
-        b"ALIAS" => Key::Alias,
-        b"LOCAL" => Key::Local,
-        b"TASK" => Key::Task,
-        b"VAR" => Key::Var,
-        b"PERS" => Key::Pers,
-        b"CONST" => Key::Const,
-        b"IF" => Key::If,
-        b"THEN" => Key::Then,
-        b"ELSEIF" => Key::ElseIf,
-        b"ELSE" => Key::Else,
-        b"ENDIF" => Key::EndIf,
-        b"FOR" => Key::For,
-        b"DO" => Key::Do,
-        b"ENDFOR" => Key::EndFor,
-        b"WHILE" => Key::While,
-        b"ENDWHILE" => Key::EndWhile,
-        b"TEST" => Key::Test,
-        b"CASE" => Key::Case,
-        b"DEFAULT" => Key::Default,
-        b"ENDTEST" => Key::EndTest,
-        b"ERROR" => Key::Error,
-        b"UNDO" => Key::Undo,
-        b"BACKWARD" => Key::Backward,
-        b"GOTO" => Key::Goto,
-        b"RETURN" => Key::Return,
-        b"RAISE" => Key::Raise,
-        b"EXIT" => Key::Exit,
-        b"RETRY" => Key::Retry,
-        b"TRYNEXT" => Key::TryNext,
-        b"CONNECT" => Key::Connect,
-        _ => return None,
-    })
+keys! {
+    Module: b"MODULE" | b"SYSMODULE", EndModule: b"ENDMODULE", Proc: b"PROC", EndProc: b"ENDPROC",
+    Func: b"FUNC", EndFunc: b"ENDFUNC", Trap: b"TRAP", EndTrap: b"ENDTRAP", Record: b"RECORD", EndRecord: b"ENDRECORD",
+    Alias: b"ALIAS", Local: b"LOCAL", Task: b"TASK", Var: b"VAR", Pers: b"PERS", Const: b"CONST",
+    If: b"IF", Then: b"THEN", ElseIf: b"ELSEIF", Else: b"ELSE", EndIf: b"ENDIF", For: b"FOR", Do: b"DO", EndFor: b"ENDFOR",
+    While: b"WHILE", EndWhile: b"ENDWHILE", Test: b"TEST", Case: b"CASE", Default: b"DEFAULT", EndTest: b"ENDTEST",
+    Error: b"ERROR", Undo: b"UNDO", Backward: b"BACKWARD", Goto: b"GOTO", Return: b"RETURN", Raise: b"RAISE",
+    Exit: b"EXIT", Retry: b"RETRY", TryNext: b"TRYNEXT", Connect: b"CONNECT",
 }

@@ -114,11 +114,11 @@ impl Literal {
             (like.size[i], like.decimals[i]) = (number.len, number.bare_decimals());
         }
         // The tokens after the pose have the same distance from the end of the literal.
-        let behind = |at: u16| (like.len + at).checked_sub(self.len);
+        let after = |at: u16| (like.len + at).checked_sub(self.len);
         for i in POSE..TOKENS {
-            like.at[i] = behind(self.at[i])?;
+            like.at[i] = after(self.at[i])?;
         }
-        like.external = behind(self.external)?;
+        like.external = after(self.external)?;
         Some(like)
     }
 

@@ -80,8 +80,8 @@ pub use frames::declared_frames;
 pub use lines::CHUNK;
 use rewrite::rewrite;
 
-use super::front_end::FrontEnd;
-use super::{Change, Insert, Kept, Language, Passing, Program, Reason, RewriteOptions, Rewritten};
+use super::front_end::{FrontEnd, Wanted};
+use super::{Kept, Language, Passing, Program, Reason, Rewritten};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Edit, Severity, Source, Span};
 use lex::{Cursor, LexemeKind};
@@ -108,7 +108,7 @@ pub(crate) struct Layout {
     /// Files and starts of the statements that are the body of a compact IF.
     after_compact_if: BTreeSet<(u16, u32)>,
     /// The mark in force after the last statement.
-    mark_behind: Option<super::Mark>,
+    mark_at_end: Option<super::Mark>,
     /// In a chunk of a program that is run again for each chunk: the motions that its own repeat.
     again: Option<agreed::Again>,
 }
@@ -132,16 +132,10 @@ impl Layout {
 }
 
 impl FrontEnd for Layout {
-    fn rewrite(
-        &self,
-        program: &Program,
-        changes: &[Option<Change>],
-        inserts: &[Insert],
-        options: &RewriteOptions,
-    ) -> Rewritten {
+    fn rewrite(&self, program: &Program, wanted: Wanted<'_>) -> Rewritten {
         match &self.again {
-            Some(again) => again.rewrite(program, self, changes, options),
-            None => rewrite(program, self, changes, inserts, options),
+            Some(again) => again.rewrite(program, self, wanted),
+            None => rewrite(program, self, wanted),
         }
     }
 
@@ -224,16 +218,7 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
 ///
 /// # Errors
 /// As [`read`], but for cut-off files.
-///
-/// # Examples
-/// ```
-/// use deflex_program::rapid;
-/// use deflex_text::Source;
-///
-/// let program = rapid::look(vec![Source::new("slot.mod", std::fs::read("../../samples/slot/slot.mod")?)], vec![])?;
-/// assert_eq!(program.motion_targets(), 81);
-/// # Ok::<(), deflex_text::Diagnostics>(())
-/// ```
+#[doc(hidden)]
 pub fn look(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
     let dialect = dialect::of(&sources);
     read_cut(dialect, sources, context, Cut::Looked)

@@ -31,7 +31,7 @@ pub(super) struct Declarations<'a> {
 pub(super) struct DeclarationTemplate<'a> {
     before: &'a [u8],
     between: &'a [u8],
-    behind: &'a [u8],
+    after: &'a [u8],
     /// The last line of this kind, with its end.
     pub(super) line: &'a [u8],
     /// The part of that line before the name.
@@ -161,7 +161,7 @@ impl<'a> DeclarationTemplate<'a> {
         let name = declared(text)?;
         let open = name.end + text[name.end..].iter().position(|b| *b == b'[')?;
         let (literal, written) = Literal::read(bytes, 0, start + indent + open)?;
-        let behind = literal.span().range().end.checked_sub(start + indent)?;
+        let after = literal.span().range().end.checked_sub(start + indent)?;
         // The two readers count such line ends differently.
         if line.trim_ascii_end().contains(&b'\r') {
             return None;
@@ -170,7 +170,7 @@ impl<'a> DeclarationTemplate<'a> {
         let template = Self {
             before: &text[..name.start],
             between: &text[name.end..open],
-            behind: text.get(behind..)?,
+            after: text.get(after..)?,
             line,
             lead: &line[..indent + name.start],
             sample: Sample::new(&line[lead..], start + lead, literal, &written),
@@ -190,11 +190,11 @@ impl<'a> DeclarationTemplate<'a> {
     }
 
     fn is(&self, other: &Self) -> bool {
-        (self.before, self.between, self.behind) == (other.before, other.between, other.behind)
+        (self.before, self.between, self.after) == (other.before, other.between, other.after)
     }
 
     /// The text that all lines of this kind share.
     pub(super) fn text(&self) -> [&'a [u8]; 3] {
-        [self.before, self.between, self.behind]
+        [self.before, self.between, self.after]
     }
 }

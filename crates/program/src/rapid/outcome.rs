@@ -54,7 +54,7 @@ impl Runner<'_> {
                 .zip(files)
                 .flat_map(|(source, file)| file.after_compact_if.iter().map(move |start| (source, *start)))
                 .collect(),
-            mark_behind: self.state.modal.mark,
+            mark_at_end: self.state.modal.mark,
             again: None,
         };
         Outcome {

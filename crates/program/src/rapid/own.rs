@@ -254,8 +254,9 @@ impl Writer<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::rewrite;
+    use crate::front_end::Wanted;
     use crate::{Change, Conf, Confdata, Goal, Program, RewriteOptions, Rewritten, rapid};
-    use deflex_text::{Source, apply};
+    use deflex_text::{Source, applied};
     use proptest::prelude::*;
 
     fn read(literals: &[String]) -> Program {
@@ -266,8 +267,7 @@ mod tests {
     }
 
     fn result(program: &Program, rewritten: &Rewritten) -> (String, String) {
-        let mut out = Vec::new();
-        apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap();
+        let out = applied(&program.sources[0].bytes, &rewritten.edits[0]);
         (String::from_utf8(out).unwrap(), format!("{:?} {:?}", rewritten.written, rewritten.kept))
     }
 
@@ -313,8 +313,9 @@ mod tests {
             }).collect();
             let (layout, options) = (super::super::Layout::of(&program).unwrap(), RewriteOptions::default());
             prop_assert!(super::is_own(&layout.sites));
-            let own = result(&program, &rewrite::rewrite(&program, layout, &changes, &[], &options));
-            let agreed = result(&program, &rewrite::rewrite_agreed(&program, layout, &changes, &[], &options));
+            let wanted = Wanted { changes: &changes, inserts: &[], options: &options };
+            let own = result(&program, &rewrite::rewrite(&program, layout, wanted));
+            let agreed = result(&program, &rewrite::rewrite_agreed(&program, layout, wanted).0);
             prop_assert_eq!(own, agreed);
         }
     }

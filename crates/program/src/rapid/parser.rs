@@ -30,7 +30,7 @@ impl<'a> Parser<'a> {
     }
 
     pub(super) fn odd(&mut self, from: usize, reason: Reason) {
-        let end = self.cursor.behind.max(from);
+        let end = self.cursor.passed.max(from);
         self.file.odd.push((Span::new(from, end), reason));
     }
 }

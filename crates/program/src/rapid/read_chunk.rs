@@ -34,7 +34,7 @@ impl Chunk {
         let mut program = super::read_as(self.dialect, vec![self.source], self.context.to_vec()).ok()?;
         let streamable = super::Layout::of(&program).is_some_and(|layout| {
             // A mark after the last motion has no effect.
-            let marks = self.last || layout.mark_behind == self.mark_behind;
+            let marks = self.last || layout.mark_at_end == self.mark_at_end;
             let held = || layout.plain && holds(layout, &self.own, &self.elsewhere);
             let kind = if self.elsewhere.is_empty() { layout.streamable } else { held() };
             kind && layout.motions == self.motions as usize && marks
@@ -61,8 +61,8 @@ fn holds(layout: &super::Layout, own: &Range<usize>, elsewhere: &[Elsewhere]) ->
     layout.sites.iter().all(|site| match site {
         super::TargetInText::Literal { literal, .. } => {
             let span = layout.literals[*literal as usize].span().range();
-            let behind = elsewhere.partition_point(|declared| declared.own.end < span.end);
-            let declared = elsewhere.get(behind).is_some_and(|declared| declared.own.start <= span.start);
+            let after = elsewhere.partition_point(|declared| declared.own.end < span.end);
+            let declared = elsewhere.get(after).is_some_and(|declared| declared.own.start <= span.start);
             declared || own.start <= span.start && span.end <= own.end
         }
         _ => true,

@@ -3,8 +3,9 @@
 use super::value::{OffsetStep, rotate, unit};
 use super::writer::{Pose, Print, Writer};
 use super::{Layout, Offset, TargetInText, clone, insert, own};
+use crate::front_end::Wanted;
 use crate::token::{New, signed, single};
-use crate::{Change, Editable, Goal, Insert, NO_TURN, Program, Reason, RewriteOptions, Rewritten, Role};
+use crate::{Change, Editable, Goal, Insert, NO_TURN, Program, Reason, Rewritten, Role};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Token};
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -33,39 +34,20 @@ fn is_edited(offsets: &NewOffsets, place: &SourceSpan) -> bool {
     offsets.get(place).is_some_and(|new| new.iter().any(Option::is_some))
 }
 
-pub(super) fn rewrite(
-    program: &Program,
-    layout: &Layout,
-    changes: &[Option<Change>],
-    inserts: &[Insert],
-    options: &RewriteOptions,
-) -> Rewritten {
+pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) -> Rewritten {
     if !own::is_own(&layout.sites) {
-        return rewrite_agreed(program, layout, changes, inserts, options);
+        return rewrite_agreed(program, layout, wanted).0;
     }
-    let mut writer = Writer::new(program, layout, options);
-    let written = writer.own(changes);
-    writer.done(written, inserts)
+    let mut writer = Writer::new(program, layout, wanted.options);
+    let written = writer.own(wanted.changes);
+    writer.done(written, wanted.inserts)
 }
 
-/// As [`rewrite`], for literals with several users; its reference in tests.
+/// As [`rewrite`], for literals with several users, with the new literals and offsets; its reference in tests.
 pub(super) fn rewrite_agreed(
     program: &Program,
     layout: &Layout,
-    changes: &[Option<Change>],
-    inserts: &[Insert],
-    options: &RewriteOptions,
-) -> Rewritten {
-    rewrite_settled(program, layout, changes, inserts, options).0
-}
-
-/// [`rewrite_agreed`], with the new literals and offsets.
-pub(super) fn rewrite_settled(
-    program: &Program,
-    layout: &Layout,
-    changes: &[Option<Change>],
-    inserts: &[Insert],
-    options: &RewriteOptions,
+    Wanted { changes, inserts, options }: Wanted<'_>,
 ) -> (Rewritten, Settled) {
     let mut writer = Writer::new(program, layout, options);
     let mut settled = Settled::default();

@@ -20,7 +20,7 @@ pub(super) struct Sample<'a> {
     conf: Option<Conf>,
     /// Number of bytes of the line before the literal and after it.
     literal_at: usize,
-    behind: usize,
+    after: usize,
     /// Number of blanks at the start and the end of the line.
     pub(super) indent: usize,
     pub(super) trailing: usize,
@@ -76,7 +76,7 @@ impl<'a> Sample<'a> {
             at: ([0.0; 3], [0.0; 4]),
             conf: written.conf,
             literal_at: literal.span().range().start - start,
-            behind: start + line.len() - literal.span().range().end,
+            after: start + line.len() - literal.span().range().end,
             indent: line.len() - line.trim_ascii_start().len(),
             trailing: line.len() - line.trim_ascii_end().len(),
         })
@@ -87,7 +87,7 @@ impl<'a> Sample<'a> {
     pub(super) fn read(&mut self, bytes: &'a [u8], start: usize) -> Option<(FoundTarget<'_>, usize)> {
         let soon = self.shape.as_mut().is_some_and(|shape| shape.read(bytes, start));
         let len = if soon {
-            self.literal_at + self.literal.span().len() + self.behind
+            self.literal_at + self.literal.span().len() + self.after
         } else {
             self.read_closer(bytes, start)?
         };
@@ -105,19 +105,19 @@ impl<'a> Sample<'a> {
         for (place, number) in places.iter_mut().zip(&mut self.pose) {
             let at = line.len() - rest.len() - self.literal_at;
             rest = match rest.strip_prefix(number.text) {
-                Some(behind) => behind,
+                Some(after) => after,
                 None => {
                     let is = read_leading(rest)?;
-                    let behind = rest[is.len()..].strip_prefix(&number.text[number.is.len()..])?;
-                    *number = Number { text: &rest[..rest.len() - behind.len()], is };
-                    behind
+                    let after = rest[is.len()..].strip_prefix(&number.text[number.is.len()..])?;
+                    *number = Number { text: &rest[..rest.len() - after.len()], is };
+                    after
                 }
             };
             *place = (at, number.is);
         }
         let [x, y, z, quat @ ..] = places.map(|(_, number)| number.value);
         let len = line.len() - rest.len();
-        let literal = self.literal.like(start + self.literal_at, len - self.behind - self.literal_at, &places)?;
+        let literal = self.literal.like(start + self.literal_at, len - self.after - self.literal_at, &places)?;
         self.shape = if literal.is_laid_out_like(&self.literal) {
             Shape::new(&line[..len], self.literal_at, &literal)
         } else {
@@ -133,7 +133,7 @@ impl<'a> Sample<'a> {
 pub(super) struct Named<'a> {
     /// The text before the name, and after it to the line end.
     before: &'a [u8],
-    behind: &'a [u8],
+    after: &'a [u8],
     pub(super) indent: usize,
     pub(super) trailing: usize,
 }
@@ -143,7 +143,7 @@ impl<'a> Named<'a> {
     pub(super) fn new(line: &'a [u8], name: Range<usize>) -> Option<Self> {
         line.ends_with(b"\n").then(|| Self {
             before: &line[..name.start],
-            behind: &line[name.end..],
+            after: &line[name.end..],
             indent: line.len() - line.trim_ascii_start().len(),
             trailing: line.len() - line.trim_ascii_end().len(),
         })
@@ -153,9 +153,9 @@ impl<'a> Named<'a> {
     pub(super) fn read(&self, bytes: &[u8], start: usize) -> Option<(Range<usize>, usize)> {
         let rest = bytes.get(start..)?.strip_prefix(self.before)?;
         let len = rest.iter().position(|b| !is_word(*b))?;
-        rest[len..].starts_with(self.behind).then(|| {
+        rest[len..].starts_with(self.after).then(|| {
             let name = start + self.before.len();
-            (name..name + len, self.before.len() + len + self.behind.len())
+            (name..name + len, self.before.len() + len + self.after.len())
         })
     }
 }

@@ -27,7 +27,7 @@ impl Parser<'_> {
         }
         let literals = self.file.literals.len();
         let end = self.scan();
-        let at = Span::new(start.start, self.cursor.behind);
+        let at = Span::new(start.start, self.cursor.passed);
         match end {
             Scan::Broken(reason) => self.odd(start.start, reason),
             Scan::Done if !matches!(start.kind, LexemeKind::Word | LexemeKind::Mark(b'%')) => {
@@ -48,11 +48,11 @@ impl Parser<'_> {
     pub(super) fn scan(&mut self) -> Scan {
         let mut depth = 0_usize;
         let mut operand =
-            self.cursor.bytes[..self.cursor.behind].last().is_some_and(|b| matches!(b, b']' | b')' | b'}'));
+            self.cursor.bytes[..self.cursor.passed].last().is_some_and(|b| matches!(b, b']' | b')' | b'}'));
         let mut words = usize::from(!operand);
         let mut placeholder = false;
         loop {
-            let before = self.cursor.behind;
+            let before = self.cursor.passed;
             let lexeme = self.cursor.peek();
             match lexeme.kind {
                 LexemeKind::End => {
@@ -71,7 +71,7 @@ impl Parser<'_> {
                         let end = literal.span().end as usize;
                         self.file.literals.push(literal);
                         self.cursor.at = end;
-                        self.cursor.behind = end;
+                        self.cursor.passed = end;
                         operand = true;
                         continue;
                     }
@@ -134,7 +134,7 @@ impl Parser<'_> {
 
     fn expressions(&mut self, words: &[&[u8]]) -> Span {
         let start = self.cursor.peek().start;
-        self.cursor.behind = start;
+        self.cursor.passed = start;
         let mut depth = 0_usize;
         loop {
             let lexeme = self.cursor.peek();
@@ -153,13 +153,13 @@ impl Parser<'_> {
             }
             self.cursor.pass(lexeme);
         }
-        Span::new(start, self.cursor.behind)
+        Span::new(start, self.cursor.passed)
     }
 
     /// A condition up to THEN or, in the compact form, up to the first word after a complete operand.
     pub(super) fn condition_of_if(&mut self) -> Expression {
         let start = self.cursor.peek().start;
-        self.cursor.behind = start;
+        self.cursor.passed = start;
         let (mut depth, mut operand) = (0_usize, false);
         loop {
             let lexeme = self.cursor.peek();
@@ -184,7 +184,7 @@ impl Parser<'_> {
             }
             self.cursor.pass(lexeme);
         }
-        self.reader(Span::new(start, self.cursor.behind), self.file.literals.len()).whole()
+        self.reader(Span::new(start, self.cursor.passed), self.file.literals.len()).whole()
     }
 }
 

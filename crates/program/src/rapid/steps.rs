@@ -8,9 +8,6 @@ use deflex_lang::flow::{Builder, Flow};
 use deflex_text::Span;
 use std::cell::RefCell;
 
-/// Number of values that are compared and copied in about the time in which a statement runs.
-pub(super) const VALUES_PER_STEP: usize = 256;
-
 /// What runs without a decision.
 #[derive(Clone, Copy)]
 pub(super) enum Action<'a> {

@@ -36,7 +36,7 @@ pub(super) struct Read {
 struct AlikeLines<'a> {
     /// The text before the robtarget or its name; the whole line if there is none.
     before: &'a [u8],
-    behind: &'a [u8],
+    after: &'a [u8],
     /// The kind of the robtarget's declaration, if it has a name.
     template: Option<usize>,
     /// The motion, if the line is one, with its tool and work object.
@@ -114,21 +114,21 @@ pub(super) fn read(chunk: &Chunk) -> Option<Read> {
         let robtarget = Literal::read(bytes, 0, first + open);
         let named = target(text).filter(|_| !read.streamable && robtarget.is_none());
         let named = named.and_then(|name| Some((declarations.find(&text[name.clone()])?, name)));
-        let (before, behind) = match (&robtarget, &named) {
+        let (before, after) = match (&robtarget, &named) {
             // A literal over several lines is left to the full reader.
             (Some((literal, _)), _) => (&text[..open], text.get(literal.span().range().end - first..)?),
             (None, Some((_, name))) => (&text[..name.start], &text[name.end..]),
             (None, None) => (text, &[][..]),
         };
         let template = named.as_ref().map(|(target, _)| declarations.template(*target));
-        let alike = |kind: &AlikeLines| kind.template == template && kind.behind == behind && kind.before == before;
+        let alike = |kind: &AlikeLines| kind.template == template && kind.after == after && kind.before == before;
         if !kinds.get(last).is_some_and(alike) {
             last = kinds.iter().position(alike).unwrap_or(kinds.len());
             if last == kinds.len() {
                 if last == MOST_KINDS {
                     return None;
                 }
-                kinds.push(read.kind(chunk, &declarations, before, behind, template, text)?);
+                kinds.push(read.kind(chunk, &declarations, before, after, template, text)?);
             }
         }
         let kind = &mut kinds[last];
@@ -157,7 +157,7 @@ pub(super) fn read(chunk: &Chunk) -> Option<Read> {
     }
     // Names that also mean something else in the program.
     if !read.streamable {
-        let texts = kinds.iter().flat_map(|kind| [kind.before, kind.behind]);
+        let texts = kinds.iter().flat_map(|kind| [kind.before, kind.after]);
         let mut taken: Vec<u64> = texts.flat_map(words).collect();
         taken.extend(chunk.kinds.words_of_head(|| chunk.head_with(b"")));
         taken.sort_unstable();
@@ -247,7 +247,7 @@ impl Read {
         chunk: &Chunk,
         declarations: &Declarations,
         before: &'a [u8],
-        behind: &'a [u8],
+        after: &'a [u8],
         template: Option<usize>,
         text: &[u8],
     ) -> Option<AlikeLines<'a>> {
@@ -255,15 +255,15 @@ impl Read {
         let inline = template.is_none() && before.len() < text.len();
         // A line contains no line end, so different kinds have different texts.
         let mut alike = vec![before];
-        alike.extend((inline || template.is_some()).then_some(behind));
+        alike.extend((inline || template.is_some()).then_some(after));
         alike.extend(declared_as.into_iter().flat_map(|template| template.text()));
         let declaration = declared_as.map(|template| template.line);
         let meaning = chunk.kinds.meaning(alike.join(&b'\n'), || {
-            let name = text.get(before.len()..text.len() - behind.len()).filter(|_| template.is_some()).map(hash);
+            let name = text.get(before.len()..text.len() - after.len()).filter(|_| template.is_some()).map(hash);
             let head = chunk.kinds.words_of_head(|| chunk.head_with(b""));
             // A target named like something else means that here, but not in other chunks.
             let taken = name.is_some_and(|name| {
-                head.contains(&name) || [before, behind].into_iter().flat_map(words).any(|word| word == name)
+                head.contains(&name) || [before, after].into_iter().flat_map(words).any(|word| word == name)
             });
             if taken { None } else { learn(chunk, text, declaration, usize::from(before != text)) }
         })?;
@@ -277,7 +277,7 @@ impl Read {
             }),
             None => None,
         };
-        Some(AlikeLines { before, behind, template, motion, last: Last::None })
+        Some(AlikeLines { before, after, template, motion, last: Last::None })
     }
 
     /// The chunk as a program.
@@ -289,7 +289,7 @@ impl Read {
             motions: self.targets.len(),
             streamable: self.streamable,
             plain: true,
-            mark_behind: self.mark,
+            mark_at_end: self.mark,
             ..Layout::default()
         });
         Program {

@@ -69,7 +69,7 @@ impl Parser<'_> {
                     let name = self.module_head();
                     let module = self.module(name)?;
                     if self.cursor.peek().kind == LexemeKind::End && !self.ended {
-                        let last = self.cursor.behind;
+                        let last = self.cursor.passed;
                         self.file.cut = Some(Span::new(last.saturating_sub(1), last));
                     }
                     self.file.modules.push(module);
@@ -236,22 +236,22 @@ impl Parser<'_> {
         let assigned = self.cursor.accept(LexemeKind::Assign).is_some();
         let from = self.cursor.peek().start;
         let literals = self.file.literals.len();
-        let end = self.scan();
-        let behind = self.cursor.behind;
-        if let Scan::Broken(reason) = end {
+        let scanned = self.scan();
+        let end = self.cursor.passed;
+        if let Scan::Broken(reason) = scanned {
             self.odd(start, reason);
             if reason != Reason::NoSemicolon {
                 return None;
             }
         }
-        let stop = if self.cursor.bytes.get(behind.wrapping_sub(1)) == Some(&b';') { behind - 1 } else { behind };
+        let stop = if self.cursor.bytes.get(end.wrapping_sub(1)) == Some(&b';') { end - 1 } else { end };
         let value = (assigned && stop > from).then(|| self.reader(Span::new(from, stop), literals).whole());
-        let statement = Span::new(start, behind);
+        let statement = Span::new(start, end);
         Some(Data { storage, local, kind: kind.span(), name: name.span(), is_array, value, statement })
     }
 
     fn routine(&mut self, module: &mut Module, kind: RoutineKind, local: bool) -> Result<(), TooDeep> {
-        let start = self.cursor.behind;
+        let start = self.cursor.passed;
         let name = self.cursor.peek();
         let name = if matches!(name.kind, LexemeKind::Word | LexemeKind::Number) {
             self.cursor.pass(name);

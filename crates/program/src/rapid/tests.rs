@@ -2,7 +2,7 @@
 
 use super::read;
 use crate::{Change, Editable, Goal, Insert, Mark, Program, Reason, RewriteOptions, round_trip};
-use deflex_text::{Source, apply};
+use deflex_text::{Source, applied};
 
 fn program(text: &str) -> Program {
     read(vec![Source::new("t.mod", text)], Vec::new()).unwrap_or_else(|e| panic!("{e:?}"))
@@ -18,8 +18,7 @@ fn positions(program: &Program) -> Vec<[f64; 3]> {
 
 fn rewritten(program: &Program, changes: &[Option<Change>], inserts: &[Insert], options: &RewriteOptions) -> String {
     let rewritten = program.rewrite(changes, inserts, options);
-    let mut out = Vec::new();
-    apply(&program.sources[0].bytes, &rewritten.edits[0], &mut out).unwrap_or_else(|e| panic!("{e}"));
+    let out = applied(&program.sources[0].bytes, &rewritten.edits[0]);
     String::from_utf8_lossy(&out).into_owned()
 }
 

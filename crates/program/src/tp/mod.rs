@@ -16,8 +16,8 @@ mod rewrite;
 mod targets;
 mod written;
 
-use super::front_end::{FrontEnd, stops_at};
-use super::{Change, Insert, Language, Passing, Program, Reason, RewriteOptions, Rewritten, lowered};
+use super::front_end::{FrontEnd, Wanted, stops_at};
+use super::{Language, Passing, Program, Reason, Rewritten, lowered};
 use deflex_lang::run::run;
 use deflex_lang::tp::{Calls, Code, StatementKind, lines, lower, runs};
 use deflex_text::{Diagnostic, Edit, Severity, Source, Span};
@@ -39,14 +39,8 @@ pub(crate) struct Layout {
 }
 
 impl FrontEnd for Layout {
-    fn rewrite(
-        &self,
-        program: &Program,
-        changes: &[Option<Change>],
-        inserts: &[Insert],
-        options: &RewriteOptions,
-    ) -> Rewritten {
-        rewrite::rewrite(program, self, changes, inserts, options)
+    fn rewrite(&self, program: &Program, wanted: Wanted<'_>) -> Rewritten {
+        rewrite::rewrite(program, self, wanted.changes, wanted.inserts, wanted.options)
     }
 
     fn passing(&self, program: &Program, target: usize) -> Passing {

@@ -16,7 +16,7 @@ const CHANNELS: Channels = &[
 ///
 /// # Examples
 /// ```
-/// # let (program, _) = include!("../../../../tests/doc/slot.rs");
+/// # let (program, _) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// let found = deflex_report::difference(&program, &program);
 /// let page = deflex_report::html::diff_page(&program, "corrected.mod", &found);
 /// assert!(page.starts_with("<!DOCTYPE html>"));

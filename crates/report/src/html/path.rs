@@ -84,7 +84,7 @@ fn values(row: &Row, kind: PathKind) -> Vec<f64> {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// use deflex_report::html::{PathKind, PathTrace};
 ///
@@ -159,7 +159,7 @@ impl PathTrace {
 ///
 /// # Examples
 /// ```
-/// # let (program, cell) = include!("../../../../tests/doc/slot.rs");
+/// # let (program, cell) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/slot.rs"));
 /// # let corrected = deflex_correct::compensate(&program, &cell, &Default::default())?;
 /// use deflex_correct::Summary;
 /// use deflex_report::html::{PathKind, PathPage, PathTrace};

@@ -11,7 +11,7 @@ mod syntax;
 mod value;
 
 use deflex::program::{Change, Editable, Goal, Program, Reason, RewriteOptions, krl};
-use deflex::text::{Source, apply};
+use deflex::text::{Source, applied};
 use machine::{FIRST_BASE, FIRST_TOOL, Machine, Motion, TABLE};
 use std::collections::BTreeSet;
 use value::{Matrix, matrix, of_quat, times, turn};
@@ -110,8 +110,7 @@ fn judge(texts: &[(String, String)]) -> Result<usize, String> {
     let rewritten = program.rewrite(&changes, &[], &RewriteOptions::default());
     let said = said(&program, &changes, &rewritten.kept);
     let write = |i: usize| {
-        let mut out = Vec::new();
-        apply(&program.sources[i].bytes, &rewritten.edits[i], &mut out).unwrap();
+        let out = applied(&program.sources[i].bytes, &rewritten.edits[i]);
         String::from_utf8(out).unwrap()
     };
     let written: Vec<String> = (0..texts.len()).map(write).collect();

@@ -1,8 +1,8 @@
 //! The results of operators.
 
-use super::super::expression::Operator;
 use super::super::value::Value;
 use crate::Reason;
+use deflex_lang::ir::Binary;
 
 /// ABB, *RAPID overview*: a string has at most 80 characters.
 const MOST_TEXT: usize = 80;
@@ -26,43 +26,43 @@ pub(in super::super) fn equal(left: &Value, right: &Value) -> Option<bool> {
     }
 }
 
-pub(super) fn apply(operator: Operator, left: &Value, right: &Value) -> Value {
+pub(super) fn apply(operator: Binary, left: &Value, right: &Value) -> Value {
     let unknown = || Value::Unknown(left.unknown().or(right.unknown()).unwrap_or(Reason::Computed));
     // One operand can decide.
     match (operator, left.bool(), right.bool()) {
-        (Operator::Or, Some(true), _) | (Operator::Or, _, Some(true)) => return Value::Bool(true),
-        (Operator::And, Some(false), _) | (Operator::And, _, Some(false)) => return Value::Bool(false),
+        (Binary::Or, Some(true), _) | (Binary::Or, _, Some(true)) => return Value::Bool(true),
+        (Binary::And, Some(false), _) | (Binary::And, _, Some(false)) => return Value::Bool(false),
         _ => {}
     }
     match (left, right) {
         (Value::Num(a, _), Value::Num(b, _)) => number_operation(operator, *a, *b).unwrap_or_else(unknown),
         (_, _)
-            if matches!(operator, Operator::Equal | Operator::Unequal)
+            if matches!(operator, Binary::Equal | Binary::NotEqual)
                 && !matches!((left, right), (Value::List(..), _) | (_, Value::List(..))) =>
         {
-            equal(left, right).map_or_else(unknown, |same| Value::Bool(same == (operator == Operator::Equal)))
+            equal(left, right).map_or_else(unknown, |same| Value::Bool(same == (operator == Binary::Equal)))
         }
         (Value::Bool(a), Value::Bool(b)) => match operator {
-            Operator::Or => Value::Bool(a | b),
-            Operator::And => Value::Bool(a & b),
-            Operator::Xor => Value::Bool(a != b),
+            Binary::Or => Value::Bool(a | b),
+            Binary::And => Value::Bool(a & b),
+            Binary::Xor => Value::Bool(a != b),
             _ => unknown(),
         },
         (Value::Text(a), Value::Text(b)) => match operator {
-            Operator::Add if a.len() + b.len() > MOST_TEXT => Value::Unknown(Reason::TextTooLong),
-            Operator::Add => Value::Text([&**a, &**b].concat().into()),
+            Binary::Add if a.len() + b.len() > MOST_TEXT => Value::Unknown(Reason::TextTooLong),
+            Binary::Add => Value::Text([&**a, &**b].concat().into()),
             _ => unknown(),
         },
         // pos + pos, pos * num
         (Value::List(a, _), Value::List(b, _))
-            if matches!(operator, Operator::Add | Operator::Subtract) && a.len() == b.len() =>
+            if matches!(operator, Binary::Add | Binary::Subtract) && a.len() == b.len() =>
         {
             Value::List(a.iter().zip(b.iter()).map(|(a, b)| apply(operator, a, b)).collect(), None)
         }
-        (Value::List(a, _), Value::Num(..)) if matches!(operator, Operator::Multiply | Operator::Divide) => {
+        (Value::List(a, _), Value::Num(..)) if matches!(operator, Binary::Multiply | Binary::Divide) => {
             Value::List(a.iter().map(|a| apply(operator, a, right)).collect(), None)
         }
-        (Value::Num(..), Value::List(b, _)) if operator == Operator::Multiply => {
+        (Value::Num(..), Value::List(b, _)) if operator == Binary::Multiply => {
             Value::List(b.iter().map(|b| apply(operator, left, b)).collect(), None)
         }
         _ => unknown(),
@@ -70,22 +70,22 @@ pub(super) fn apply(operator: Operator, left: &Value, right: &Value) -> Value {
 }
 
 #[allow(clippy::float_cmp)] // RAPID's own comparison
-fn number_operation(operator: Operator, a: f64, b: f64) -> Option<Value> {
+fn number_operation(operator: Binary, a: f64, b: f64) -> Option<Value> {
     let number = |v: f64| v.is_finite().then_some(Value::Num(v, None));
     let truth = |holds: bool| can_be_told_apart(a, b).then_some(Value::Bool(holds));
     match operator {
-        Operator::Add => number(a + b),
-        Operator::Subtract => number(a - b),
-        Operator::Multiply => number(a * b),
-        Operator::Divide => number(a / b),
-        Operator::Div => number((a / b).trunc()),
-        Operator::Mod => number(a % b),
-        Operator::Equal => truth(a == b),
-        Operator::Unequal => truth(a != b),
-        Operator::Less => truth(a < b),
-        Operator::Greater => truth(a > b),
-        Operator::AtMost => truth(a <= b),
-        Operator::AtLeast => truth(a >= b),
-        Operator::Or | Operator::Xor | Operator::And => None,
+        Binary::Add => number(a + b),
+        Binary::Subtract => number(a - b),
+        Binary::Multiply => number(a * b),
+        Binary::Divide => number(a / b),
+        Binary::Quotient => number((a / b).trunc()),
+        Binary::Remainder => number(a % b),
+        Binary::Equal => truth(a == b),
+        Binary::NotEqual => truth(a != b),
+        Binary::Less => truth(a < b),
+        Binary::Greater => truth(a > b),
+        Binary::AtMost => truth(a <= b),
+        Binary::AtLeast => truth(a >= b),
+        Binary::Or | Binary::Xor | Binary::And => None,
     }
 }

@@ -117,13 +117,13 @@ fn declared() -> impl Strategy<Value = String> {
     (prop::collection::vec(target, 1..60), any::<bool>(), prop::sample::select(vec!["\n", "\r\n", "\n"])).prop_map(|(targets, turned, end)| {
         let (mut data, mut lines) = (Vec::new(), Vec::new());
         let mut known: Vec<String> = Vec::new();
-        for (name, storage, ((blank, x, quat), external, trailing), (word, behind, inline), kind) in targets {
+        for (name, storage, ((blank, x, quat), external, trailing), (word, after, inline), kind) in targets {
             if !known.contains(&name.to_ascii_uppercase()) {
                 known.push(name.to_ascii_uppercase());
                 data.push(format!("{storage} robtarget {name}:=[[{blank}{x},0,1],[{quat}],[0,-1,0,1],[{external},9E9,9E9,9E9,9E9,9E9]];{trailing}"));
             }
             let spelled = if kind == 0 { name.to_ascii_lowercase() } else { name };
-            lines.push(format!("{word}{spelled}{behind}"));
+            lines.push(format!("{word}{spelled}{after}"));
             lines.extend((kind == 1).then_some(inline));
         }
         if turned {

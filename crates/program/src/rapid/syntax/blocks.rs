@@ -82,7 +82,7 @@ impl Parser<'_> {
     /// After IF: the block form, or the compact form with one statement and no THEN.
     fn condition(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Option<Statement>, TooDeep> {
         let condition = self.condition_of_if();
-        let head = Span::new(at, self.cursor.behind);
+        let head = Span::new(at, self.cursor.passed);
         let branch =
             |arms, otherwise| Statement { kind: StatementKind::If(Box::new(If { arms, otherwise })), at: head };
         if self.cursor.accept_word(b"THEN") {
@@ -132,7 +132,7 @@ impl Parser<'_> {
         let to = self.expression(&[b"STEP", b"DO"]);
         let step = if self.cursor.accept_word(b"STEP") { Some(self.expression(&[b"DO"])) } else { None };
         self.cursor.accept_word(b"DO");
-        let head = Span::new(at, self.cursor.behind);
+        let head = Span::new(at, self.cursor.passed);
         let body = self.block(data, depth + 1)?;
         self.close(Key::EndFor, head);
         let (Some(variable), true, true) = (variable, from_word, to_word) else {
@@ -147,7 +147,7 @@ impl Parser<'_> {
     fn repeated(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Statement, TooDeep> {
         let condition = self.expression(&[b"DO"]);
         self.cursor.accept_word(b"DO");
-        let head = Span::new(at, self.cursor.behind);
+        let head = Span::new(at, self.cursor.passed);
         let body = self.block(data, depth + 1)?;
         self.close(Key::EndWhile, head);
         Ok(Statement { kind: StatementKind::While(Box::new(While { condition, body })), at: head })
@@ -156,7 +156,7 @@ impl Parser<'_> {
     /// After TEST.
     fn test(&mut self, data: &mut Vec<Data>, at: usize, depth: usize) -> Result<Statement, TooDeep> {
         let subject = self.expression(&[]);
-        let head = Span::new(at, self.cursor.behind);
+        let head = Span::new(at, self.cursor.passed);
         let (mut cases, mut otherwise) = (Vec::new(), Vec::new());
         loop {
             match self.peek_key() {
@@ -185,7 +185,7 @@ impl Parser<'_> {
         if let Scan::Broken(reason) = self.scan() {
             self.odd(at, reason);
         }
-        let at = Span::new(at, self.cursor.behind);
+        let at = Span::new(at, self.cursor.passed);
         let rest = Span { start: first.start.min(at.end), ..at };
         let kind = match word {
             Key::Return => {

@@ -4,12 +4,13 @@
 //! has to know what it may change.
 
 use super::super::expression::{
-    Arguments, Call, Chain, Expression, ExpressionKind, NOT, Operation, Operator, OptionalArgument, Part, PartStep,
+    Arguments, Call, Chain, Expression, ExpressionKind, NOT, Operation, OptionalArgument, Part, PartStep, level,
 };
 use super::super::lex::{Cursor, Lexeme, LexemeKind};
 use super::super::literal::Literal;
 use super::super::tree::{Assignment, StatementKind};
 use crate::{Reason, token};
+use deflex_lang::ir::Binary;
 use deflex_text::Span;
 
 /// Deepest nesting of brackets, signs and NOT, far beyond any program and within any stack.
@@ -146,38 +147,38 @@ impl<'r> Reader<'r> {
         let mut operations: Vec<Operation> = Vec::new();
         loop {
             let lexeme = self.cursor.peek();
-            let operator = self.operator(lexeme).filter(|operator| operator.level() >= least);
-            let level = operations.first().map(|operation| operation.operator.level());
-            if level.is_some() && operator.map(Operator::level) != level {
+            let operator = self.operator(lexeme).filter(|operator| level(*operator) >= least);
+            let before = operations.first().map(|operation| level(operation.operator));
+            if before.is_some() && operator.map(level) != before {
                 let operations = std::mem::take(&mut operations).into();
                 left = self.since(start, ExpressionKind::Chain(Box::new(Chain { first: left, operations })));
             }
             let Some(operator) = operator else { return left };
             self.cursor.pass(lexeme);
-            let right = self.expression(operator.level() + 1);
+            let right = self.expression(level(operator) + 1);
             operations.push(Operation { operator, right });
         }
     }
 
-    fn operator(&self, lexeme: Lexeme) -> Option<Operator> {
-        const WORDS: [(&[u8], Operator); 5] = [
-            (b"OR", Operator::Or),
-            (b"AND", Operator::And),
-            (b"DIV", Operator::Div),
-            (b"MOD", Operator::Mod),
-            (b"XOR", Operator::Xor),
+    fn operator(&self, lexeme: Lexeme) -> Option<Binary> {
+        const WORDS: [(&[u8], Binary); 5] = [
+            (b"OR", Binary::Or),
+            (b"AND", Binary::And),
+            (b"DIV", Binary::Quotient),
+            (b"MOD", Binary::Remainder),
+            (b"XOR", Binary::Xor),
         ];
         Some(match lexeme.kind {
-            LexemeKind::Mark(b'=') => Operator::Equal,
-            LexemeKind::Mark(b'<') => Operator::Less,
-            LexemeKind::Mark(b'>') => Operator::Greater,
-            LexemeKind::Unequal => Operator::Unequal,
-            LexemeKind::AtMost => Operator::AtMost,
-            LexemeKind::AtLeast => Operator::AtLeast,
-            LexemeKind::Mark(b'+') => Operator::Add,
-            LexemeKind::Mark(b'-') => Operator::Subtract,
-            LexemeKind::Mark(b'*') => Operator::Multiply,
-            LexemeKind::Mark(b'/') => Operator::Divide,
+            LexemeKind::Mark(b'=') => Binary::Equal,
+            LexemeKind::Mark(b'<') => Binary::Less,
+            LexemeKind::Mark(b'>') => Binary::Greater,
+            LexemeKind::Unequal => Binary::NotEqual,
+            LexemeKind::AtMost => Binary::AtMost,
+            LexemeKind::AtLeast => Binary::AtLeast,
+            LexemeKind::Mark(b'+') => Binary::Add,
+            LexemeKind::Mark(b'-') => Binary::Subtract,
+            LexemeKind::Mark(b'*') => Binary::Multiply,
+            LexemeKind::Mark(b'/') => Binary::Divide,
             LexemeKind::Word => {
                 let word = self.cursor.text(lexeme);
                 WORDS.into_iter().find(|(name, _)| name.eq_ignore_ascii_case(word))?.1
@@ -251,7 +252,7 @@ impl<'r> Reader<'r> {
         let span = self.literals.get(self.next).filter(|literal| begins(literal) == start)?.span();
         let kind = ExpressionKind::Literal(u32::try_from(self.first + self.next).ok()?);
         self.next += 1;
-        (self.cursor.at, self.cursor.behind) = (span.end as usize, span.end as usize);
+        (self.cursor.at, self.cursor.passed) = (span.end as usize, span.end as usize);
         Some(Expression { kind, span })
     }
 
@@ -323,7 +324,7 @@ impl<'r> Reader<'r> {
     fn nested(&mut self, read: impl FnOnce(&mut Self) -> Expression) -> Expression {
         if self.depth == MAX_DEPTH {
             let start = self.cursor.peek().start;
-            self.cursor.behind = start;
+            self.cursor.passed = start;
             let parts = self.skipped();
             return self.since(start, ExpressionKind::Unknown(Reason::ExpressionTooDeep, parts.into()));
         }
@@ -360,7 +361,7 @@ impl<'r> Reader<'r> {
 
     /// An expression from an offset to the end of the lexeme taken last.
     fn since(&self, start: usize, kind: ExpressionKind) -> Expression {
-        Expression { kind, span: Span::new(start, self.cursor.behind.max(start)) }
+        Expression { kind, span: Span::new(start, self.cursor.passed.max(start)) }
     }
 }
 
