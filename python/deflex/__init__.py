@@ -1,4 +1,4 @@
-"""deflex makes a robot mill where its program says, and finds out why it does not.
+"""deflex corrects robot milling programs for the deflection of the arm, and identifies the causes of errors.
 
 >>> import deflex
 >>> cell = deflex.Cell.read("samples/slot/cell.toml")
@@ -12,12 +12,22 @@ Units are those of the command and stand in the names: millimetres, degrees, new
 with its position in mm; motor angles are degrees as the controller counts them.
 """
 
+import copyreg
+
 from deflex._deflex import Cell, DeflexError, Diagnostic, Program, Robot
 from deflex._deflex import version as _version
 from deflex._results import Correction, Identification, Planned, Prediction, Record, Simulation
 from deflex._run import compensate, cutting_force, identify, plan, predict, simulate
 
 __version__ = _version()
+
+
+def _cell(text: str, name: str) -> Cell:
+    return Cell.parse(text, name)
+
+
+# A cell can be copied and sent to other processes (pickle, copy, joblib, multiprocessing): as its text.
+copyreg.pickle(Cell, lambda cell: (_cell, (cell.to_toml(), cell.name)))
 
 __all__ = [
     "Cell",

@@ -1,4 +1,4 @@
-"""The compiled half."""
+"""The compiled part of the module."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -32,13 +32,13 @@ _Array = npt.NDArray[np.float64]
 _Table = str | os.PathLike[str] | tuple[str, str]
 
 class DeflexError(Exception):
-    """Why there is no answer; `diagnostics` says it place by place."""
+    """The command would end with exit code 2; `diagnostics` has the messages."""
 
     diagnostics: list[Diagnostic]
 
 @final
 class Diagnostic:
-    """One message: what is wrong where, and how to mend it."""
+    """A message: what is wrong, where, and what to do."""
 
     @property
     def code(self) -> str:
@@ -51,29 +51,29 @@ class Diagnostic:
         """What is wrong and what was expected."""
     @property
     def help(self) -> str | None:
-        """How to mend it."""
+        """What to do."""
     @property
     def file(self) -> str:
-        """File; empty where none is concerned."""
+        """File; empty if the message is not about a file."""
     @property
     def line(self) -> int:
-        """Line from 1; 0 where the whole file is meant."""
+        """Line from 1; 0 if the message is about the whole file."""
     @property
     def column(self) -> int:
         """Column in characters, from 1."""
 
 @final
 class Cell:
-    """A milling cell: the robot that the controller believes in, and the effects that make the real one differ."""
+    """A milling cell: the nominal robot with tools, work objects and process, and the effects of the real one."""
 
     @staticmethod
     def read(path: _Path) -> Cell:
         """Reads and checks a cell file."""
     @staticmethod
     def parse(text: str, name: str = "cell.toml") -> Cell:
-        """Checks the text of a cell file; `name` is what messages call it."""
+        """Checks the text of a cell file; `name` is its name in messages."""
     def to_toml(self) -> str:
-        """The text of the cell file, comments and all."""
+        """The text of the cell file, with its comments."""
     @property
     def name(self) -> str:
         """The file."""
@@ -94,9 +94,9 @@ class Cell:
         """Names of the mechanical units in addition to the robot."""
     @property
     def notes(self) -> list[Diagnostic]:
-        """Values that are possible and seldom meant."""
+        """Warnings about values that are possible but seldom intended."""
     def tool(self, name: str | None = None) -> _Array:
-        """A tool's TCP in the flange, (4, 4), mm; without a name the cell's only tool."""
+        """The TCP of a tool in the flange, (4, 4), mm; without a name, that of the cell's only tool."""
     def predict_poses(
         self,
         q: npt.ArrayLike,
@@ -111,13 +111,14 @@ class Cell:
         temperature_c: npt.ArrayLike | None = None,
         cut_m: npt.ArrayLike | None = None,
     ) -> _Array:
-        """Where the loaded arm's TCP is, (N, 4, 4), mm: NaN where there is no equilibrium.
+        """The actual TCP poses of the loaded arm, (N, 4, 4), mm; NaN if there is no equilibrium.
 
         `q` (N, 6), commanded axis angles, degrees; `forces` (N, 3) on the tool at the TCP, N. Both forces and poses are in the
-        axes of the robot's base, or of the work object `wobj`. `units` says where mechanical units stand: positions (N,) or one
-        for all by the unit's name, mm or degrees. Effects may ask for more, an array or one row or value for all: `travel` (N, 6),
-        how each axis moved into the pose (signs count); `velocity` (N, 3) of the TCP, mm/s; `time_s`, `temperature_c` and `cut_m`,
-        the length cut (N,). Raises `DeflexError` where something that matters is not given, or a unit is beyond its limits.
+        axes of the robot's base, or of the work object `wobj`. `units` has the positions of mechanical units by their names, (N,) or
+        one for all, mm or degrees. Some effects need more, as an array or as one row or value for all: `travel` (N, 6), the
+        direction in which each axis arrives at the pose (only signs count); `velocity` (N, 3) of the TCP, mm/s; `time_s`,
+        `temperature_c` and `cut_m`, the length cut (N,). Raises `DeflexError` if one of them is missing, or if a unit is beyond
+        its limits.
         """
 
 @final
@@ -128,13 +129,13 @@ class Program:
     def read(
         paths: _Path | Sequence[_Path], *, context: _Path | Sequence[_Path] | None = None, format: str | None = None
     ) -> Program:
-        """Reads files that are one program; `context` are modules that declare names and are never written."""
+        """Reads the files of one program; `context` are files that declare names and are never written."""
     @property
     def name(self) -> str:
         """The files as they were given."""
     @property
     def language(self) -> str:
-        """`rapid`, `cl`, `krl` or `ls`."""
+        """`rapid`, `cl`, `krl`, `ls`, `ur` or `jbi`."""
     @property
     def files(self) -> list[str]:
         """Its files."""
@@ -144,12 +145,12 @@ class Program:
 
 @final
 class Robot:
-    """An arm as its controller knows it: nominal geometry, and the joints' stiffness where a cell declares it."""
+    """The nominal arm, as in the controller, with the joint stiffness if a cell declares it."""
 
     def __new__(cls, model: str) -> Robot: ...
     @staticmethod
     def builtin() -> list[str]:
-        """Models that need no kinematics in a cell file."""
+        """The models of the built-in robots."""
     @property
     def model(self) -> str:
         """Name."""
@@ -158,9 +159,10 @@ class Robot:
     def inverse(
         self, poses: npt.ArrayLike, near: npt.ArrayLike | None = None, *, tool: npt.ArrayLike | None = None
     ) -> _Array:
-        """Axis angles (N, 6), degrees, that reach poses (N, 4, 4), mm, in the base; NaN where none does.
+        """Axis angles (N, 6), degrees, that reach poses (N, 4, 4), mm, in the base; NaN if none do.
 
-        `near` (N, 6) chooses the branch of each; (1, 6) where a path starts, along which each is nearest to the one before.
+        `near` (N, 6) chooses the nearest solution for each pose. With `near` (1, 6), the poses are a path that starts there, and each
+        solution is the nearest to the previous one.
         """
     def jacobian(self, q: npt.ArrayLike, *, tool: npt.ArrayLike | None = None) -> _Array:
         """Jacobians (N, 6, 6): (vx, vy, vz) mm/rad, (wx, wy, wz) rad/rad, base axes, by motor angle."""
@@ -171,7 +173,7 @@ class Robot:
         tool: npt.ArrayLike | None = None,
         joint_nm_per_rad: Sequence[float] | None = None,
     ) -> _Array:
-        """Cartesian stiffness (N, 6, 6): force (N) and moment (N mm) for a displacement (mm) and a turn (rad)."""
+        """Cartesian stiffness (N, 6, 6): force (N) and moment (N mm) for a displacement (mm) and a rotation (rad)."""
 
 @final
 class Done:

@@ -1,4 +1,4 @@
-"""What runs come to."""
+"""The results of the commands."""
 
 import html
 import json
@@ -41,20 +41,20 @@ def record(text: str) -> Record:
 
 
 def _framed(page: str) -> str:
-    """A whole page within a notebook's."""
+    """A whole page in a frame of a notebook."""
     return f'<iframe srcdoc="{html.escape(page)}" style="width:100%;height:720px;border:0" loading="lazy"></iframe>'
 
 
 class _Run:
-    """What a program came to."""
+    """The result for one program."""
 
     def __init__(self, done: Done) -> None:
         self._done = done
 
     @cached_property
     def report(self) -> Report:
-        """One row a target, by column: the very figures of the command's CSV report, rounded as it prints them, with its names
-        and units; `unrounded` has the numbers themselves. The arrays cannot be written to.
+        """The columns of the command's CSV report, one row for each target, with its names, units and digits. `unrounded` has
+        all digits. The arrays are read-only.
 
         `target` and `line` are int64, `name` and `status` str, all others float64 of shape (N,); NaN where the report has
         no figure.
@@ -63,20 +63,20 @@ class _Run:
 
     @cached_property
     def unrounded(self) -> Report:
-        """The report's columns of float64 as they are before they are printed, (N,): `q1_deg`, `error_x_mm`, ….
+        """The report's columns of numbers with all digits, (N,), float64: `q1_deg`, `error_x_mm`, ….
 
-        Takes another run of the program. NaN where the report has no figure.
+        deflex processes the program again for this. NaN where the report has no figure.
         """
         return self._done.unrounded()
 
     @cached_property
     def summary(self) -> Record:
-        """What `--json` says of the program."""
+        """The summary of the program, as in `--json`."""
         return record(self._done.summary)
 
     @property
     def notes(self) -> list[Diagnostic]:
-        """What the command says on stderr: notes and warnings."""
+        """Notes and warnings, which the command prints on stderr."""
         return self._done.notes
 
     @property
@@ -102,20 +102,20 @@ class _Run:
 
 
 class Prediction(_Run):
-    """What the cell would cut."""
+    """The predicted errors of a program."""
 
 
 class Correction(_Run):
-    """A program with its correction in it."""
+    """A corrected program with its report."""
 
     @cached_property
     def files(self) -> dict[str, bytes]:
-        """The corrected program's files, by name, as they are to be written."""
+        """The bytes of the corrected program's files, by name."""
         return self._done.files
 
     @property
     def text(self) -> str:
-        """The corrected program, of several files the first: UTF-8 where it is, else ISO 8859-1, as RAPID is."""
+        """The corrected program, or the first of its files: read as UTF-8 if it is, otherwise as ISO 8859-1."""
         data = next(iter(self.files.values()))
         try:
             return data.decode()
@@ -149,7 +149,7 @@ class Correction(_Run):
 
 
 class Identification:
-    """Which effects a cell lacks.
+    """The effects that a cell lacks.
 
     Everything that `deflex identify --json` says stands in `json`; what is asked for most, beside it.
     """
@@ -160,12 +160,12 @@ class Identification:
 
     @cached_property
     def json(self) -> Record:
-        """All of the answer, as `--json` writes it."""
+        """The whole answer, as `--json` writes it."""
         return record(self._found.json)
 
     @property
     def added(self) -> list[Record]:
-        """Effects that the extended cell has more: kind, posterior, parameters with intervals, what they may be instead."""
+        """The effects that were added: kind, posterior, parameters with intervals, and the effects that they may be instead."""
         found: list[Record] = self.json["added"]
         return found
 
@@ -183,7 +183,7 @@ class Identification:
 
     @property
     def ranking(self) -> list[Record]:
-        """Every kind of effect alone, best first."""
+        """Each kind of effect alone, the best first."""
         found: list[Record] = self.json["ranking"]
         return found
 
@@ -195,17 +195,17 @@ class Identification:
 
     @cached_property
     def cell(self) -> Cell:
-        """The cell with what was added, comments kept."""
+        """The extended cell, with the comments of the declared one."""
         return self._found.cell(self._name)
 
     @cached_property
     def residuals(self) -> Report:
-        """Residuals row by row, by column, in mm: the very figures of the command's `--report`; `target` is 0 between targets."""
+        """The columns of the command's `--report`: residuals of each row, mm; `target` is 0 between targets."""
         return self._found.residuals
 
     @property
     def text(self) -> str:
-        """The answer for people, as the command prints it."""
+        """The answer as the command prints it."""
         return self._found.text
 
     @property
@@ -215,7 +215,7 @@ class Identification:
 
     @property
     def html(self) -> str:
-        """The page: residuals, what was found, what is left; complete in one file."""
+        """The page with the residuals, the effects and the remaining error, complete in one file."""
         return self._found.page()
 
     def _repr_html_(self) -> str:
@@ -226,7 +226,7 @@ class Identification:
 
 
 class Planned:
-    """What to measure.
+    """A planned measurement.
 
     Everything that `deflex plan --json` says stands in `json`.
     """
@@ -236,12 +236,12 @@ class Planned:
 
     @cached_property
     def json(self) -> Record:
-        """All of the plan, as `--json` writes it: `rows`, `pairs`, `weakest`, `chance_right`, …"""
+        """The whole plan, as `--json` writes it: `rows`, `pairs`, `weakest`, `chance_right`, …"""
         return record(self._planned.json)
 
     @property
     def program(self) -> str:
-        """The RAPID program: each motion ends where a row is measured."""
+        """The program: each motion ends where a row is measured."""
         return self._planned.program
 
     @property
@@ -251,7 +251,7 @@ class Planned:
 
     @property
     def text(self) -> str:
-        """The plan for people, as the command prints it."""
+        """The plan as the command prints it."""
         return self._planned.text
 
     @property
@@ -267,14 +267,14 @@ class Planned:
 
 
 class Simulation:
-    """A part before it is cut: what the loaded arm leaves of the stock, held against what is meant."""
+    """The part as the loaded arm cuts it from the stock, compared with the programmed part."""
 
     def __init__(self, simulated: _Simulated) -> None:
         self._simulated = simulated
 
     @cached_property
     def summary(self) -> Record:
-        """What `deflex simulate --json` says of the program: `rms_mm`, `mean_mm`, `max_mm`, `gouge`, `leftover`, `removed_mm3`, …"""
+        """The figures, as in `deflex simulate --json`: `rms_mm`, `mean_mm`, `max_mm`, `gouge`, `leftover`, `removed_mm3`, …"""
         return record(self._simulated.json)
 
     @cached_property
@@ -294,12 +294,12 @@ class Simulation:
 
     @property
     def notes(self) -> list[Diagnostic]:
-        """What the command says on stderr: notes and warnings."""
+        """Notes and warnings, which the command prints on stderr."""
         return self._simulated.notes
 
     @property
     def text(self) -> str:
-        """The figures for people, as the command prints them."""
+        """The figures as the command prints them."""
         return self._simulated.text
 
     @property

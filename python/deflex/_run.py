@@ -1,9 +1,9 @@
-"""Runs: the command's words as functions."""
+"""The commands as functions."""
 
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,20 @@ from deflex._tables import Table, given
 Path = str | os.PathLike[str]
 AnyProgram = Program | Path | Sequence[Path]
 Progress = Callable[[int, int], object]
+#: Languages of controllers, in which CL data and plans are posted.
+Controller = Literal["rapid", "krl", "ls", "ur", "jbi"]
+#: Languages in which CL data are posted: `cl` keeps them as CL data for another post-processor.
+Posted = Literal["rapid", "krl", "ls", "ur", "jbi", "cl"]
+What = Literal["pose", "position"]
+#: When the program of a plan waits for the operator.
+Ask = Literal["never", "load", "target"]
+
+
+def _one_of(name: str, value: object, words: object) -> None:
+    """Raises ValueError unless the value is one of the words of a Literal."""
+    known = get_args(words)
+    if value not in known:
+        raise ValueError(f"{name} is {value!r}, expected one of {', '.join(map(repr, known))}")
 
 
 def _program(program: AnyProgram) -> Program:
@@ -28,10 +42,8 @@ def _cell(cell: Cell | Path) -> Cell:
 
 def _asked(**options: Any) -> dict[str, Any]:
     correct = options.pop("correct", "pose")
-    if options.get("post", "rapid") not in ("rapid", "krl", "ls", "cl"):
-        raise ValueError(f'post is {options["post"]!r}, expected "rapid", "krl", "ls" or "cl"')
-    if correct not in ("pose", "position"):
-        raise ValueError(f'correct is {correct!r}, expected "pose" or "position"')
+    _one_of("post", options.get("post", "rapid"), Posted)
+    _one_of("correct", correct, What)
     for name in ("subdivide_mm", "rapid_mm_s", "feed_mm_s"):
         value = options.get(name)
         if value is not None and not 0 < value < float("inf"):
@@ -54,15 +66,15 @@ def predict(
     free_spin: bool = False,
     progress: Progress | None = None,
 ) -> Prediction:
-    """Predicts what the cell would cut: `deflex predict`.
+    """Predicts the errors of a program without correcting it: `deflex predict`.
 
     `program` is one program: a `Program`, a path, or the paths of its modules. `forces` is a path or a table with `target` and
     `fx_n`, `fy_n`, `fz_n` (N, work object axes; also `time_s`, `temperature_c`, `payload_kg`), which overrides `[cut]`.
-    `against` is the original of a corrected program, from which errors are counted then. `tool` takes the place of the
-    program's; `free_spin` lets the turn about the tool axis of RAPID targets go where the predicted error is least.
-    `progress(done, total)` is told bytes of the program.
+    `against` is the original of a corrected program: errors are then relative to its targets. `tool` replaces the tool of the
+    program. `free_spin` chooses the turn about the tool axis of RAPID targets for the smallest predicted error.
+    `progress(done, total)` is called with bytes of the program.
 
-    Raises `DeflexError` where the command ends with exit code 2.
+    Raises `DeflexError` if the command would end with exit code 2.
 
     >>> deflex.predict("samples/slot/slot.mod", "samples/slot/cell.toml").summary.targets
     81
@@ -78,28 +90,28 @@ def compensate(
     cell: Cell | Path,
     forces: Table | None = None,
     *,
-    correct: Literal["pose", "position"] = "pose",
+    correct: What = "pose",
     tool: str | None = None,
     subdivide_mm: float | None = None,
     allow_clones: bool = False,
     free_spin: bool = False,
     again: bool = False,
-    post: Literal["rapid", "krl", "ls", "cl"] = "rapid",
+    post: Posted = "rapid",
     name: str | None = None,
     max_targets: int | None = None,
     rapid_mm_s: float | None = None,
     feed_mm_s: float | None = None,
     progress: Progress | None = None,
 ) -> Correction:
-    """Corrects a program so that the loaded tool lands where it says: `deflex compensate`.
+    """Corrects a program so that the loaded tool reaches the programmed poses: `deflex compensate`.
 
-    `program`, `forces`, `tool`, `free_spin` and `progress` are those of `predict`. `correct` is what of a target changes; `subdivide_mm`
+    `program`, `forces`, `tool`, `free_spin` and `progress` are those of `predict`. `correct` states what changes: the whole pose or the position alone. `subdivide_mm`
     inserts targets until at most this error remains between two of them; `allow_clones` declares a copy of a target for each of several
     motions that use it with different corrections; `again` corrects a program that was corrected before. CL data are
     posted in the language `post` as `name`, in modules of at most `max_targets`, with `rapid_mm_s` for rapid travel and `feed_mm_s` where the file
     has no feed.
 
-    Raises `DeflexError` where the command ends with exit code 2: then there is no program.
+    Raises `DeflexError` if the command would end with exit code 2; there is no program then.
 
     >>> done = deflex.compensate("samples/slot/slot.mod", "samples/slot/cell.toml")
     >>> done.text.splitlines()[0]
@@ -135,9 +147,9 @@ def simulate(
     """Cuts the cell's `[stock]` with the poses that the loaded arm takes: `deflex simulate`.
 
     `program`, `forces`, `tool` and `free_spin` are those of `predict`. `against` is the original of a corrected program: the part
-    is held against what it programs, or against `[part] stl`. `progress(done, total)` is told parts of the work.
+    is compared with the shape that it programs, or with `[part] stl`. `progress(done, total)` is called with parts of the work.
 
-    Raises `DeflexError` where the command ends with exit code 2.
+    Raises `DeflexError` if the command would end with exit code 2.
     """
     forced = None if forces is None else given(forces, "<forces>")
     original = None if against is None else _program(against)
@@ -161,11 +173,11 @@ def identify(
     `runs` are programs with what was measured on them, or `poses` measured rows with their own motor angles: paths or tables
     with the columns of a measured file (mm, degrees, N). Errors before and after are those of held-out rows, which no fit has
     seen. `against` is the program that the runs' program was corrected from: `normal_mm` and nominal places are counted from its path.
-    `columns` are names that the tables have for columns, by the name that deflex has: `{"target": "Punkt Nr"}`; others are then
-    not looked at. `match_mm` is how far from the path a row with `nominal_x_mm`, … and no target may lie (5).
-    `progress(done, total)` is told parts of the work.
+    `columns` maps the names of deflex to those of the tables: `{"target": "Punkt Nr"}`; other columns are then ignored.
+    `match_mm` is the largest distance from the path of a row with `nominal_x_mm`, … and no target (5).
+    `progress(done, total)` is called with parts of the work.
 
-    Raises `DeflexError` where the command ends with exit code 2.
+    Raises `DeflexError` if the command would end with exit code 2.
     """
     original = None if against is None else _program(against)
     pairs = [(_program(program), original, given(table, f"<run {i}>")) for i, (program, table) in enumerate(runs, 1)]
@@ -186,21 +198,24 @@ def plan(
     pool: Iterable[AnyProgram] = (),
     after: Identification | None = None,
     name: str = "plan",
-    post: Literal["rapid", "krl", "ls"] | None = None,
-    ask: Literal["never", "load", "target"] = "never",
+    post: Controller | None = None,
+    ask: Ask = "never",
     progress: Progress | None = None,
 ) -> Planned:
     """Plans what to measure, so that effects can be distinguished: `deflex plan`.
 
-    The cell's `[plan]` says where the tool may go, which loads can be applied and what is measured with; `rows` (8 to 500) is how
-    many places are measured. `pool` are programs whose targets are the places to choose from; `after` an identification whose
-    open questions the rows are to settle; `name` is the program's, `post` its language where it is not that of the cell's
-    controller, and `ask` when it stops for the operator. `progress(done, total)` is told parts of the work.
+    The cell's `[plan]` states where the tool may go, which loads can be applied, and the instrument. `rows` (8 to 500) is the number
+    of measured places. `pool` are programs among whose targets the places are chosen. With `after`, the rows decide what an
+    identification left open. `name` is the name of the program, `post` its language if it is not that of the cell's controller.
+    `ask` states when the program waits for the operator. `progress(done, total)` is called with parts of the work.
 
-    Raises `DeflexError` where the command ends with exit code 2.
+    Raises `DeflexError` if the command would end with exit code 2.
     """
     if not 8 <= rows <= 500:
         raise ValueError(f"rows is {rows!r}, expected 8 to 500")
+    _one_of("ask", ask, Ask)
+    if post is not None:
+        _one_of("post", post, Controller)
     undecided = None if after is None else json.dumps(after.json)
     programs = [_program(program) for program in pool]
     return Planned(_deflex.plan(_cell(cell), rows, programs, undecided, (name, post, ask), progress))
@@ -229,7 +244,7 @@ def cutting_force(
     """Mean cutting force on the tool over a revolution, N, shape (N, 3): (along the feed, normal x feed, along the normal).
 
     The engagement's arrays broadcast to N. Names are those of the cell file's `[cut]`; the coefficients are a `material`'s or
-    `ktc_n_mm2`, `krc_n_mm2`, `kac_n_mm2` with their edge forces. `width_mm` is the diameter where it is left out.
+    `ktc_n_mm2`, `krc_n_mm2`, `kac_n_mm2` with their edge forces. Without `width_mm` the width is the diameter.
 
     >>> cut = dict(feed_per_tooth_mm=0.1, diameter_mm=20.0, teeth=4, corner_radius_mm=2.0, lead_deg=5.0, material="al7075")
     >>> deflex.cutting_force(depth_mm=[1.0, 2.0], **cut).shape

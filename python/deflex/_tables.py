@@ -1,4 +1,4 @@
-"""Tables of any kind, as the text of the file that the library reads."""
+"""Converts tables of any kind to the text of a CSV file."""
 
 import csv
 import io
@@ -25,7 +25,7 @@ Table = Path | Mapping[str, Sequence[Any]] | Frame
 
 
 def given(table: Table, name: str = "<table>") -> str | tuple[str, str]:
-    """The path of a file, or the name and the text of what would stand in one.
+    """The path of a file, or a name and the text of a CSV file.
 
     >>> given({"target": [1, 2], "x_mm": [0.1, None]})
     ('<table>', 'target,x_mm\\n1,0.1\\n2,\\n')

@@ -1,8 +1,9 @@
 """Many programs, many robots: the same runs over the workers of a Dask cluster (`pip install deflex[dask]`).
 
-Each file is one task: where a worker dies, another does its tasks again; what deflex refuses is a row of the table, not an
-exception. Paths have to be good on the workers. The bytes are those of one process, whoever makes them.
+Each file is one task. If a worker fails, another one repeats its tasks. A program that deflex refuses is a row of the table, not
+an exception. The paths must be valid on the workers. The outputs are the same bytes as those of one process.
 
+    from glob import glob
     from distributed import Client
     import deflex.fleet
 
@@ -27,13 +28,13 @@ Path = str | os.PathLike[str]
 Runs = Sequence[tuple[Path | Sequence[Path], Table]]
 Progress = Callable[[int, int], object]
 
-#: How often a task is tried again where its worker fails in some other way than deflex's own refusal.
+#: How often a task is repeated if its worker fails. A refusal of deflex is not repeated.
 RETRIES = 3
 
 
 @dataclass(frozen=True)
 class Results:
-    """A table of results, a row a file or robot in the order given."""
+    """A table of results: a row for each file or robot, in the given order."""
 
     #: Rows: `name`, `error` (None where all went well), and the figures.
     rows: list[Record]
@@ -42,7 +43,7 @@ class Results:
 
     @property
     def failed(self) -> list[Record]:
-        """Rows of what could not be done; `error` says why."""
+        """The rows that failed; `error` has the reason."""
         return [row for row in self.rows if row["error"] is not None]
 
     @property
@@ -62,7 +63,7 @@ def compensate(
     progress: Progress | None = None,
     **options: Any,
 ) -> Results:
-    """Corrects each program: `deflex.compensate` with its `options`, as one task a program.
+    """Corrects each program: `deflex.compensate` with its `options`, as one task for each program.
 
     `client` is a `distributed.Client`; the current one where it is left out. With `out_dir` the workers write programs and
     reports (`NAME.report.csv`) there, as `--out-dir` does, and `Results.files` is empty; without, the programs come back.
@@ -85,7 +86,7 @@ def identify(
     progress: Progress | None = None,
     **options: Any,
 ) -> Results:
-    """Identifies each robot: `deflex.identify` with its `options` on the runs and the cell under its name, as one task a robot.
+    """Identifies each robot: `deflex.identify` with its `options` on the runs and the cell under its name, as one task for each robot.
 
     `client`, `retries` and `progress` are those of `compensate`. The extended cells come back in `Results.files`.
     """

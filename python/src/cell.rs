@@ -29,7 +29,7 @@ impl Cell {
         Ok(Self { file: Arc::new(file) })
     }
 
-    /// Checks the text of a cell file; `name` is what messages call it.
+    /// Checks the text of a cell file; `name` is its name in messages.
     #[staticmethod]
     #[pyo3(signature = (text, name = "cell.toml"))]
     pub(crate) fn parse(py: Python<'_>, text: &str, name: &str) -> PyResult<Self> {
@@ -37,7 +37,7 @@ impl Cell {
         Ok(Self { file: Arc::new(file) })
     }
 
-    /// The text of the cell file, comments and all.
+    /// The text of the cell file, with its comments.
     fn to_toml(&self) -> String {
         String::from_utf8_lossy(&self.file.source().bytes).into_owned()
     }
@@ -72,13 +72,13 @@ impl Cell {
         self.file.cell().arm.effects.iter().map(|effect| effect.kind()).collect()
     }
 
-    /// Values that are possible and seldom meant.
+    /// Warnings about values that are possible but seldom intended.
     #[getter]
     fn notes(&self) -> Vec<Diagnostic> {
         diagnostics(self.file.cell().notes.clone())
     }
 
-    /// A tool's TCP in the flange, (4, 4), mm; without a name the cell's only tool.
+    /// The TCP of a tool in the flange, (4, 4), mm; without a name, that of the cell's only tool.
     #[pyo3(signature = (name = None))]
     fn tool<'py>(&self, py: Python<'py>, name: Option<&str>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let tool = tool_of(self.file.cell(), name).or_raise(py)?;
@@ -94,7 +94,7 @@ impl Cell {
     #[pyo3(signature = (q, forces = None, *, tool = None, wobj = None, units = None, travel = None, velocity = None,
                         time_s = None, temperature_c = None, cut_m = None))]
     #[allow(clippy::needless_pass_by_value, clippy::too_many_arguments)] // as PyO3 extracts them, and Python names them
-    /// Where the loaded arm's TCP is, (N, 4, 4), mm: NaN where there is no equilibrium.
+    /// The actual TCP poses of the loaded arm, (N, 4, 4), mm; NaN if there is no equilibrium.
     ///
     /// `q` (N, 6), commanded axis angles, degrees; `forces` (N, 3) on the tool at the TCP, N. Both forces and poses are in the axes
     /// of the robot's base, or of the work object `wobj`. `units` says where mechanical units stand: positions (N,) or one for

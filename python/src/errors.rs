@@ -5,7 +5,7 @@ use pyo3::{create_exception, intern};
 
 create_exception!(deflex, DeflexError, PyException, "Why there is no answer; `diagnostics` says it place by place.");
 
-/// One message: what is wrong where, and how to mend it.
+/// A message: what is wrong, where, and what to do.
 #[pyclass(frozen, module = "deflex")]
 pub(crate) struct Diagnostic {
     /// Stable short name.
@@ -17,7 +17,7 @@ pub(crate) struct Diagnostic {
     /// What is wrong and what was expected.
     #[pyo3(get)]
     message: String,
-    /// How to mend it.
+    /// What to do.
     #[pyo3(get)]
     help: Option<String>,
     /// File; empty where none is concerned.

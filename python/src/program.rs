@@ -38,7 +38,7 @@ impl Program {
 
 #[pymethods]
 impl Program {
-    /// Reads files that are one program; `context` are modules that declare names and are never written.
+    /// Reads the files of one program; `context` are files that declare names and are never written.
     #[staticmethod]
     #[pyo3(signature = (paths, *, context = None, format = None))]
     fn read(py: Python<'_>, paths: Paths, context: Option<Paths>, format: Option<&str>) -> PyResult<Self> {
@@ -53,7 +53,7 @@ impl Program {
         self.files.name()
     }
 
-    /// `rapid`, `cl`, `krl` or `ls`.
+    /// `rapid`, `cl`, `krl`, `ls`, `ur` or `jbi`.
     #[getter]
     fn language(&self) -> &'static str {
         self.files.language().word()

@@ -43,7 +43,7 @@ impl Robot {
         Ok(Self { start_deg: robot.home_deg(), robot, stiffness: None })
     }
 
-    /// Models that need no kinematics in a cell file.
+    /// The models of the built-in robots.
     #[staticmethod]
     fn builtin() -> Vec<&'static str> {
         BUILTIN.iter().map(|builtin| &*builtin.model).collect()
@@ -74,7 +74,7 @@ impl Robot {
         shaped(py, poses.into_flattened().into_flattened(), [count, 4, 4])
     }
 
-    /// Axis angles (N, 6), degrees, that reach poses (N, 4, 4), mm, in the base; NaN where none does.
+    /// Axis angles (N, 6), degrees, that reach poses (N, 4, 4), mm, in the base; NaN if none do.
     ///
     /// `near` (N, 6) chooses the branch of each; (1, 6) where a path starts, along which each is nearest to the one before.
     ///

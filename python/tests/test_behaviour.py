@@ -1,6 +1,8 @@
 """How the module feels: errors, progress, Ctrl-C, tables, what is shown."""
 
+import copy
 import os
+import pickle
 import signal
 import threading
 import time
@@ -166,3 +168,19 @@ def test_wrong_arguments_say_so():
         deflex.Cell.read(cell).robot.forward([[0, 0, 0, 0, 30]])
     with pytest.raises(ValueError, match="did you mean"):
         deflex.Robot("irb6660-205-1.8")
+
+
+def test_a_cell_is_copied_and_sent_to_other_processes():
+    cell = deflex.Cell.read("samples/slot/cell.toml")
+    for twin in (pickle.loads(pickle.dumps(cell)), copy.deepcopy(cell)):
+        assert (twin.to_toml(), twin.name) == (cell.to_toml(), cell.name)
+
+
+def test_words_that_are_no_options_are_refused():
+    cell = "samples/slot/cell.toml"
+    with pytest.raises(ValueError, match="post is 'fanuc', expected one of 'rapid', 'krl', 'ls', 'ur', 'jbi', 'cl'"):
+        deflex.compensate("samples/slot/slot.mod", cell, post="fanuc")
+    with pytest.raises(ValueError, match="ask is 'always'"):
+        deflex.plan(cell, 24, ask="always")
+    with pytest.raises(ValueError, match="post is 'cl'"):
+        deflex.plan(cell, 24, post="cl")

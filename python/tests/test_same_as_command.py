@@ -169,7 +169,7 @@ def test_columns_of_other_names(command, tmp_path):
 
 def test_cl_data_in_other_languages(command, tmp_path):
     program, cell = "samples/blade/blade.aptsource", "samples/blade/cell.toml"
-    for post, ending in (("krl", "src"), ("ls", "ls"), ("cl", "aptsource")):
+    for post, ending in (("krl", "src"), ("ls", "ls"), ("ur", "script"), ("jbi", "JBI"), ("cl", "aptsource")):
         written = tmp_path / post
         answer = command("compensate", program, "--cell", cell, "--post", post, "--out-dir", written, code=None)
         if answer.returncode:

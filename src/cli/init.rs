@@ -11,7 +11,13 @@ use std::path::{Path, PathBuf};
 
 pub(super) fn run(args: &Init) -> Outcome {
     if let Some(filter) = &args.list {
-        print(table(&Builtin::listed(filter)).as_bytes())?;
+        let listed = Builtin::listed(filter);
+        if listed.is_empty() {
+            let message = format!("no built-in robot has a maker or a model with `{filter}`");
+            let help = "`deflex init --list` shows all built-in robots; any other goes into [robot.kinematics]";
+            return Err(Diagnostic::error("init.robot", "", message).help(help).into());
+        }
+        print(table(&listed).as_bytes())?;
         return Ok(Answer::Yes);
     }
     if let Some(path) = &args.urdf {

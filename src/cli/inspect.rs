@@ -21,6 +21,12 @@ const SHARED: [&str; 2] = ["txt", "dat"];
 pub(super) fn run(args: &Inspect) -> Outcome {
     let context = Context::of(&args.reading.context)?;
     let paths: Vec<PathBuf> = all(args.inputs.iter().map(|path| programs(path)))?.into_iter().flatten().collect();
+    if paths.is_empty() {
+        let folders: Vec<String> = args.inputs.iter().map(|path| path.display().to_string()).collect();
+        let message = format!("there is no program in {}", folders.join(", "));
+        let help = "programs are recognised by their endings; give a file with another ending by its name";
+        return Err(Diagnostic::error("program.none", "", message).help(help).into());
+    }
     let bar = progress::bar(paths.len(), args.common.quiet);
     let inspected: Vec<_> = paths
         .par_iter()

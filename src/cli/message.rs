@@ -28,7 +28,8 @@ pub(super) fn print(diagnostics: &[Diagnostic], quiet: bool) {
         let _ = writeln!(stderr, "{text}");
     }
     if shown.len() > MOST_SHOWN {
-        let _ = writeln!(stderr, "… and {} more", shown.len() - MOST_SHOWN);
+        drop(stderr);
+        say(&[format!("… and {} more", shown.len() - MOST_SHOWN)]);
     }
 }
 

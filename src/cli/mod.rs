@@ -66,6 +66,15 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> u8 {
     let cli = match Cli::try_parse_from(&args) {
         Ok(cli) => cli,
         Err(error) => {
+            if error.use_stderr() && *message::FOR_A_PROGRAM {
+                // The paragraphs after the first one are the usage, for people.
+                let text = error.to_string();
+                let first = text.trim_start_matches("error: ").lines().take_while(|line| !line.is_empty());
+                let message = first.map(str::trim).collect::<Vec<_>>().join(" ");
+                let said = Diagnostic::error("usage.arguments", "", message);
+                message::print(&[said.help("`deflex COMMAND --help` lists the options")], false);
+                return 2;
+            }
             // Help and version are results and go to stdout; errors go to stderr. A closed pipe is not an error.
             let _ = error.print();
             return if error.use_stderr() { 2 } else { 0 };

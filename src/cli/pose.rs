@@ -5,12 +5,13 @@ use super::{Answer, Outcome, message};
 use crate::session::input::CellFile;
 use crate::session::output::{Outputs, is_stdout, print};
 use deflex::cell::{Cell, examples_left, nearest};
+use deflex::correct::declared_names;
 use deflex::program::orientation::{quaternion, rotation, rotation_vector, xyz_deg, zyx_deg};
 use deflex::program::{Confdata, Config, Language, StatusAndTurn};
 use deflex::robot::{
     AxisName, EXTERNAL_AXES, External, Joints, Pose, Robot, Unit, UnitKind, confdata_of, config_of, status_of,
 };
-use deflex::text::Diagnostic;
+use deflex::text::{Diagnostic, number};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -112,7 +113,7 @@ fn named<'a, T>(
         let meant = nearest(name, known.iter().copied());
         let meant = meant.map_or_else(String::new, |meant| format!("did you mean `{meant}`? "));
         Diagnostic::error("pose.name", "", format!("--{what} {name}: the cell declares no such {what}"))
-            .help(format!("{meant}declared: {}", known.join(", ")))
+            .help(format!("{meant}{}", declared_names(&known)))
             .into()
     })
 }
@@ -253,12 +254,8 @@ impl Configuration {
     }
 }
 
-/// Numbers in columns, with 0 in place of a negative zero.
+/// Numbers in columns.
 fn fixed(numbers: &[f64], decimals: usize) -> String {
-    let number = |value: &f64| {
-        let text = format!("{value:.decimals$}");
-        let zero = text.trim_start_matches('-').bytes().all(|byte| matches!(byte, b'0' | b'.'));
-        format!("{:>12}", if zero { text.trim_start_matches('-') } else { &text })
-    };
-    numbers.iter().map(number).collect::<Vec<_>>().join(" ")
+    let columns: Vec<String> = numbers.iter().map(|value| format!("{:>12}", number::fixed(*value, decimals))).collect();
+    columns.join(" ")
 }

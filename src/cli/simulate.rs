@@ -12,7 +12,7 @@ use crate::session::report::pretty;
 use crate::session::{Simulated, SimulationProgress};
 use deflex::correct::Removal;
 use deflex::report::{SurfacePoint, map_csv, probe};
-use deflex::text::Diagnostic;
+use deflex::text::{Diagnostic, LineColumn};
 use nalgebra::Vector3;
 use serde_json::json;
 use std::path::Path;
@@ -79,25 +79,35 @@ type Probe = (Vector3<f64>, Option<Vector3<f64>>);
 /// Reads the columns `x_mm,y_mm,z_mm` and, if the file has them, `nx,ny,nz`.
 fn probes(path: &Path) -> Result<Vec<Probe>, Vec<Diagnostic>> {
     let file = source(path)?;
-    let fail = |message: String| {
+    let fail = |LineColumn { line, column }, message: String| {
         let help = "expected a header row with x_mm, y_mm, z_mm and, for deviations along a normal, nx, ny, nz";
-        vec![Diagnostic::error("probe.csv", &file.name, message).help(help)]
+        let error = Diagnostic::error("probe.csv", &file.name, message).help(help);
+        vec![Diagnostic { line, column, ..error }]
     };
+    let header_row = LineColumn { line: 1, column: 1 };
     let mut reader = csv::Reader::from_reader(&file.bytes[..]);
-    let header = reader.headers().map_err(|error| fail(error.to_string()))?.clone();
+    let header = reader.headers().map_err(|error| fail(header_row, error.to_string()))?.clone();
     let column = |name: &str| header.iter().position(|field| field.trim() == name);
     let three = |names: [&str; 3]| Some([column(names[0])?, column(names[1])?, column(names[2])?]);
-    let position = three(["x_mm", "y_mm", "z_mm"]).ok_or_else(|| fail("x_mm, y_mm or z_mm is missing".to_owned()))?;
-    let normal = three(["nx", "ny", "nz"]);
+    let position =
+        three(["x_mm", "y_mm", "z_mm"]).ok_or_else(|| fail(header_row, "x_mm, y_mm or z_mm is missing".to_owned()))?;
+    let names = ["nx", "ny", "nz"];
+    let normal = three(names);
+    if normal.is_none() && names.into_iter().any(|name| column(name).is_some()) {
+        return Err(fail(header_row, "nx, ny, nz are given in part: give all of them or none".to_owned()));
+    }
     let mut points = Vec::new();
-    for (i, row) in reader.records().enumerate() {
-        let row = row.map_err(|error| fail(error.to_string()))?;
+    for row in reader.records() {
+        let row = row.map_err(|error| fail(header_row, error.to_string()))?;
+        let line = row.position().map_or(0, csv::Position::line) as usize;
         let vector = |columns: [usize; 3]| -> Result<Vector3<f64>, Vec<Diagnostic>> {
             let mut out = Vector3::zeros();
             for (k, column) in columns.into_iter().enumerate() {
                 let text = row.get(column).unwrap_or_default().trim();
                 let value = text.parse::<f64>().ok().filter(|value| value.is_finite());
-                out[k] = value.ok_or_else(|| fail(format!("row {}: `{text}` is not a number", i + 2)))?;
+                let before = row.iter().take(column).map(|cell| cell.chars().count() + 1).sum::<usize>();
+                let place = LineColumn { line, column: 1 + before };
+                out[k] = value.ok_or_else(|| fail(place, format!("{} is `{text}`", &header[column])))?;
             }
             Ok(out)
         };

@@ -8,6 +8,7 @@ use deflex::program::Program;
 use deflex::text::{Diagnostic, Severity, cannot_read};
 use std::fs::File;
 use std::io::Read;
+use std::ops::RangeInclusive;
 use std::path::Path;
 
 /// The target that each row of a table of forces names, and the line of the row.
@@ -166,13 +167,14 @@ impl ForceFile {
     }
 
     fn other_unit(&self) -> Option<Diagnostic> {
-        /// Mean milling forces of robots are tens to some thousands of newtons (Tlusty, Altintas: a chip of 0.1 mm² of
-        /// aluminium takes 80 N, of steel 250 N).
-        const LEAST_N: f64 = 2.0;
-        let largest = self.largest.filter(|most| *most > 0.0 && *most < LEAST_N)?;
+        /// Mean milling forces of robots are 10 to 10,000 N (Tlusty, Altintas: a chip of 0.1 mm² of aluminium takes 80 N,
+        /// of steel 250 N). Forces beyond that by a factor of five are in another unit.
+        const USUAL_N: RangeInclusive<f64> = 2.0..=50_000.0;
+        let largest = self.largest.filter(|most| *most > 0.0 && !USUAL_N.contains(most))?;
+        let unit = if largest < *USUAL_N.start() { "kN" } else { "mN" };
         let message = format!(
-            "the largest of the forces is {largest} N; milling forces are usually 10 to 10,000 N (0.1 mm² of chip take 80 N in \
-             aluminium, 250 N in steel): it looks like kN"
+            "the largest of the forces is {largest:.3} N; milling forces are usually 10 to 10,000 N (0.1 mm² of chip take 80 N in \
+             aluminium, 250 N in steel): it looks like {unit}"
         );
         Some(
             Diagnostic::error("forces.unit", &self.file, message)
@@ -204,5 +206,27 @@ impl ForceFile {
         wrong.sort_by_key(|diagnostic| diagnostic.line);
         wrong.truncate(MOST_SHOWN);
         if wrong.is_empty() { Ok(()) } else { Err(wrong) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ForceFile;
+
+    #[test]
+    fn forces_in_another_unit_are_doubted() {
+        let doubt = |largest: f64| {
+            let none = ForceFile {
+                file: "forces.csv".to_owned(),
+                ordinals: Vec::new(),
+                names: Vec::new(),
+                largest: Some(largest),
+                notes: Vec::new(),
+            };
+            none.doubts().next().map(|doubt| doubt.message)
+        };
+        assert!(doubt(0.46).is_some_and(|said| said.contains("0.460 N") && said.ends_with("it looks like kN")));
+        assert!(doubt(465_000.0).is_some_and(|said| said.ends_with("it looks like mN")));
+        assert_eq!([0.0, 5.0, 12_000.0].map(doubt), [None, None, None]);
     }
 }

@@ -237,10 +237,11 @@ fn unknown_language(head: &Source) -> Vec<Diagnostic> {
         let names = Language::ALL.map(Language::name);
         format!("neither {} nor {} was recognised", names[..names.len() - 1].join(", "), names[names.len() - 1])
     };
-    let expected = "expected a RAPID MODULE, GOTO/ records, a KRL DEF or DEFDAT, /PROG or /JOB";
+    let expected = "expected MODULE (RAPID), DEF or DEFDAT (KRL), /PROG (FANUC TP), def (URScript), /JOB (INFORM), or GOTO/ \
+                    (CL data)";
     let words = Language::ALL.map(Language::word).join(" | ");
     Diagnostic::error("program.language", "", format!("{what}: {expected}"))
         .at(head, Span::new(0, 0))
-        .help(format!("say what it is with --input-format {words}"))
+        .help(format!("check that it is a program; `--input-format {words}` states its language"))
         .into()
 }

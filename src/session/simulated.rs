@@ -7,6 +7,7 @@ use deflex::report::html::simulation_page;
 use deflex::report::{CutterAt, DeviationMap, MapFigures, SurfacePoint, map_cell, map_csv, stl};
 use deflex::stock::{Blank, Stock};
 use deflex::text::Diagnostic;
+use deflex::text::number::fixed;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -170,14 +171,14 @@ impl Simulated {
     pub fn text(&self) -> String {
         let row = |(which, f): &(&str, MapFigures)| {
             format!(
-                "  {which:9} {:8.4} {:8.4} {:8.4} {:14.4} {:10.1} % {:15.4} {:10.1} %\n",
-                f.rms_mm,
-                f.mean_mm,
-                f.max_mm,
-                f.gouge.max_mm,
-                100.0 * f.gouge.share,
-                f.leftover.max_mm,
-                100.0 * f.leftover.share
+                "  {which:9} {:>8} {:>8} {:>8} {:>14} {:>10} % {:>15} {:>10} %\n",
+                fixed(f.rms_mm, 4),
+                fixed(f.mean_mm, 4),
+                fixed(f.max_mm, 4),
+                fixed(f.gouge.max_mm, 4),
+                fixed(100.0 * f.gouge.share, 1),
+                fixed(f.leftover.max_mm, 4),
+                fixed(100.0 * f.leftover.share, 1)
             )
         };
         let rows: String = self.figures.iter().map(row).collect();

@@ -57,6 +57,11 @@ impl<'a> Check<'a> {
         self.warnings.extend(self.errors.pop().map(|error| error.severity(Severity::Warning)));
     }
 
+    /// Whether the file has a key.
+    pub(super) fn has(&self, key: &str) -> bool {
+        self.span(key).is_some()
+    }
+
     fn span(&self, key: &str) -> Option<Span> {
         let document = self.document.as_ref()?;
         let mut span = None;
@@ -84,14 +89,14 @@ impl<'a> Check<'a> {
     }
 
     pub(super) fn finite(&mut self, key: &str, values: &[f64]) {
-        if values.iter().any(|value| !value.is_finite()) {
-            self.error(key, format!("{key} is not finite"), "expected numbers, not inf or nan");
+        if let Some(value) = values.iter().find(|value| !value.is_finite()) {
+            self.error(key, format!("{key}: {value}, expected a finite number"), "check the value");
         }
     }
 
     pub(super) fn positive(&mut self, key: &str, values: &[f64]) {
-        if values.iter().any(|value| !(value.is_finite() && *value > 0.0)) {
-            self.error(key, format!("{key} must be greater than 0"), "check the value and its unit");
+        if let Some(value) = values.iter().find(|value| !(value.is_finite() && **value > 0.0)) {
+            self.error(key, format!("{key}: {value}, expected a number above 0"), "check the value and its unit");
         }
     }
 

@@ -255,9 +255,7 @@ pub(super) fn cut(check: &mut Check, raw: &raw::Cut, tools: &BTreeMap<String, Mi
             && check.errors.is_empty()
             && let Err(error) = Milling::new(cutter, engagement, coefficients)
         {
-            let message = format!("[{key}] {}: {}", error.field, error.message);
-            let help = format!("check [{key}.cutter], [{key}.engagement] and [{key}.coefficients]");
-            check.error(&key, message, help);
+            error_of_field(check, &key, error);
         }
     }
     Some(Cut { force, max_cutting_feed: raw.max_cutting_feed_mm_s.map(|feed| 1e-3 * feed), milling })
@@ -277,12 +275,29 @@ fn need_all_parts(check: &mut Check, raw: &raw::Cut) {
     }
 }
 
-/// Adds an error about a part that is wrong in every mode.
-fn check_part(check: &mut Check, section: &str, part: &str, result: Result<(), CuttingError>) {
-    if let Err(CuttingError { field, message }) = result {
-        let key = format!("{section}.{part}");
-        check.error(&key, format!("[{section}] {field}: {message}"), format!("check [{key}]"));
-    }
+/// Adds an error about a field of a cut, at its key in the section, or in `[cut]` if the section does not have the key.
+fn error_of_field(check: &mut Check, section: &str, CuttingError { field, message }: CuttingError) {
+    let key = match field {
+        "diameter" => "cutter.diameter_mm",
+        "corner_radius" => "cutter.corner_radius_mm",
+        "teeth" => "cutter.teeth",
+        "helix" => "cutter.helix_deg",
+        "depth" => "engagement.depth_mm",
+        "width" => "engagement.width_mm",
+        "feed_per_tooth" => "engagement.feed_per_tooth_mm",
+        "lead" => "engagement.lead_deg",
+        "tilt" => "engagement.tilt_deg",
+        "ktc" => "coefficients.ktc_n_mm2",
+        "krc" => "coefficients.krc_n_mm2",
+        "kac" => "coefficients.kac_n_mm2",
+        "kte" => "coefficients.kte_n_mm",
+        "kre" => "coefficients.kre_n_mm",
+        "kae" => "coefficients.kae_n_mm",
+        _ => "coefficients",
+    };
+    let sections = [section, "cut"].map(|section| format!("{section}.{key}"));
+    let key = sections.iter().find(|key| check.has(key)).unwrap_or(&sections[0]);
+    check.error(key, format!("{key}: {message}"), "check the value and its unit");
 }
 
 /// Reads the cutting parts of `[cut]` or of `[tools.X]`.
@@ -303,16 +318,13 @@ pub(super) fn milling_parts(
         teeth: keys.teeth,
         helix: keys.helix_deg.unwrap_or(0.0).to_radians(),
     });
-    if let Some(cutter) = &cutter {
-        check_part(check, section, "cutter", check_cutter(cutter));
-    }
+    let cutter_error = cutter.and_then(|cutter| check_cutter(&cutter).err());
     let engagement = engagement.and_then(|keys| self::engagement(check, &format!("{section}.engagement"), keys));
-    if let Some(feed) = engagement.and_then(|declared| declared.feed_per_tooth) {
-        check_part(check, section, "engagement", check_feed(feed));
-    }
+    let feed_error = engagement.and_then(|declared| check_feed(declared.feed_per_tooth?).err());
     let coefficients = self::coefficients(check, &format!("{section}.coefficients"), material, coefficients);
-    if let Some(coefficients) = &coefficients {
-        check_part(check, section, "coefficients", check_coefficients(coefficients));
+    let coefficient_error = coefficients.and_then(|coefficients| check_coefficients(&coefficients).err());
+    for error in [cutter_error, feed_error, coefficient_error].into_iter().flatten() {
+        error_of_field(check, section, error);
     }
     MillingParts { cutter, spindle_rpm, engagement, coefficients }
 }
@@ -325,8 +337,8 @@ fn engagement(check: &mut Check, key: &str, keys: &raw::EngagementKeys) -> Optio
         ("stock", EngagementMode::Stock),
     ];
     let mode = check.word(&format!("{key}.mode"), &keys.mode, &modes)?;
-    if let Some(rpm) = keys.spindle_rpm {
-        check.positive(&format!("{key}.spindle_rpm"), &[rpm]);
+    for (name, value) in [("spindle_rpm", keys.spindle_rpm), ("width_mm", keys.width_mm)] {
+        check.positive(&format!("{key}.{name}"), value.as_slice());
     }
     let (feed_per_tooth, spindle_rpm) = (keys.feed_per_tooth_mm.map(|mm| 1e-3 * mm), keys.spindle_rpm);
     if mode == EngagementMode::Stock {
@@ -386,9 +398,7 @@ fn coefficients(
         }
         (None, Some(keys)) => {
             let mut get = |name: &str, value: Option<f64>, to_si: f64| {
-                let value = check.need(key, name, value, "all six coefficients are needed")?;
-                check.finite(&format!("{key}.{name}"), &[value]);
-                Some(value * to_si)
+                check.need(key, name, value, "all six coefficients are needed").map(|value| value * to_si)
             };
             let (area, edge) = (1e6, 1e3);
             Some(Coefficients {
@@ -401,5 +411,31 @@ fn coefficients(
             })
         }
         (None, None) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use deflex_text::Source;
+
+    const CELL: &str = "[robot]\nmodel = \"irb6660-205-1.9\"\n[tools.T.engagement]\nmode = \"slot\"\ndepth_mm = 1.5\n\
+        width_mm = 25.0\nfeed_per_tooth_mm = 0.07\nlead_deg = 5.0\ntilt_deg = 0.0\n[cut]\nforce = \"mechanistic\"\n\
+        [cut.cutter]\ndiameter_mm = 25.0\ncorner_radius_mm = 5.0\nteeth = 3\n[cut.coefficients]\nktc_n_mm2 = 1800.0\n\
+        krc_n_mm2 = 900.0\nkac_n_mm2 = 300.0\nkte_n_mm = 20.0\nkre_n_mm = 25.0\nkae_n_mm = 5.0\n";
+
+    /// Every number of a cut is checked, and its error is at the number.
+    #[test]
+    fn a_number_that_is_not_possible_is_reported_once_at_its_key() {
+        assert!(Cell::read(&Source::new("cell.toml", CELL)).is_ok());
+        let keys = CELL.lines().filter(|line| line.contains("_mm") || line.contains("_deg") || line.contains("teeth"));
+        for line in keys {
+            let key = line.split(' ').next().unwrap();
+            let wrong = if key == "teeth" { "teeth = 0".to_owned() } else { format!("{key} = nan") };
+            let errors = Cell::read(&Source::new("cell.toml", CELL.replace(line, &wrong))).unwrap_err();
+            let place = CELL.lines().position(|other| other == line).unwrap() + 1;
+            assert_eq!(errors.iter().map(|error| error.line).collect::<Vec<_>>(), [place], "{key}: {errors:?}");
+            assert!(errors[0].message.contains(key), "{key}: {}", errors[0].message);
+        }
     }
 }

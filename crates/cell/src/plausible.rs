@@ -32,7 +32,8 @@ impl Usual<'_> {
         let meant = units.iter().find(|(_, factor)| (*least..=*most).contains(&(value / factor)));
         let looks = meant.map_or_else(String::new, |(unit, _)| format!(": it looks like {unit}"));
         let message = format!(
-            "{key} is {value} {unit}, usually {} to {} {unit} ({source}){looks}",
+            "{key} is {} {unit}, usually {} to {} {unit} ({source}){looks}",
+            if value < 1e9 { value.to_string() } else { format!("{value:e}") },
             figure(*least),
             figure(*most)
         );

@@ -290,8 +290,8 @@ fn cell(head: &str, stiffness: &str, frames: &Frames, speech: &Speech) -> String
     // Writing to a String cannot fail.
     let _ = write!(
         text,
-        r#"# Cell file of deflex. Every value marked "<<" is an example: put in your cell's own, then delete the "<<".
-# As long as one is left, each run says so. What a cell does not need (CL input, tools that programs declare) can go.
+        r#"# Cell file of deflex. Every value marked "<<" is an example: replace it by the value of your cell, then delete the "<<".
+# Each run reports the examples that are left. Remove what you do not need (CL data, tools that the programs declare).
 # Units are in the names. Orientations: `…_quat` = [q1, q2, q3, q4], scalar first, as RAPID writes them; `…_abc_deg` = KUKA's A, B, C;
 # `…_wpr_deg` = FANUC's W, P, R.
 
@@ -338,7 +338,7 @@ helix_deg = 30.0                # <<
 
 [cut.engagement]
 mode = "slot"                   # << slot | up (conventional) | down (climb) | stock (what is left of [stock])
-depth_mm = 1.5                  # << along the tool axis
+depth_mm = 1.5                  # << along the surface normal
 width_mm = 25.0                 # << stepover: distance to the neighbouring pass of the same cutter
 feed_per_tooth_mm = 0.07        # << left out: from feed, spindle_rpm and teeth
 lead_deg = 5.0                  # << tool axis against the surface normal, forward
@@ -357,7 +357,7 @@ material = "al7075"             # << a literature value is a start only: calibra
 # stl = "part.stl"              # what `deflex simulate` compares with, in the stock's axes; left out: the part as programmed
 # cell_mm = 1.0                 # where [part.material] is declared: size of the cells; left out: from the blank
 # stages = 6                    # and in how many stages of the stock the part is computed at most
-# [part.material]               # the part yields as its shape and its clamps have it
+# [part.material]               # how the part yields follows from its shape and its clamps
 # e_n_mm2 = 71000.0
 # nu = 0.33
 # [[part.clamp]]                # where it is held, in the stock's axes

@@ -353,9 +353,12 @@ impl Course {
         };
         let mut notes = Vec::new();
         if cell.controller.path.is_none() {
-            let hidden = 1e3 * self.widest_corner_cut();
+            let hidden = match 1e3 * self.widest_corner_cut() {
+                mm if mm < 0.005 => "less than 0.01 mm".to_owned(),
+                mm => format!("up to {mm:.2} mm"),
+            };
             let message = format!(
-                "the cell has no [controller.path]: corners are taken as written, though the zones of this program may round them by up to {hidden:.2} mm"
+                "the cell has no [controller.path]: corners are taken as written, though the zones of this program may round them by {hidden}"
             );
             notes.push(note(message, "record the axes while the program runs: deflex identify --log PROGRAM LOG.csv"));
         }

@@ -44,13 +44,23 @@ fn key(name: &str) -> String {
     if bare { name.to_owned() } else { format!("\"{name}\"") }
 }
 
+/// The end of a help text: the names that the cell declares.
+#[doc(hidden)]
+#[must_use]
+pub fn declared_names(names: &[&str]) -> String {
+    match names {
+        [] => "the cell declares none".to_owned(),
+        _ => format!("the cell declares {}", names.join(", ")),
+    }
+}
+
 /// The tool that `--tool` names.
 #[doc(hidden)]
 pub fn named_tool(cell: &Cell, name: &str) -> Result<ToolFrame, Vec<Diagnostic>> {
     cell.tools.get(&name.to_ascii_uppercase()).copied().ok_or_else(|| {
         let known = cell.names_of(&cell.tools);
         Diagnostic::error("cell.unknown-tool", "", format!("--tool {name}: the cell declares no such tool"))
-            .help(format!("{}declared: {}", meant(name, &known), known.join(", ")))
+            .help(format!("{}{}", meant(name, &known), declared_names(&known)))
             .into()
     })
 }

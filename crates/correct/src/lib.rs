@@ -70,7 +70,7 @@ pub use cut_stock::cut_stock;
 pub use deviation::PathDeviation;
 pub use driven::loaded_path;
 pub use flow::{Sinks, StreamError, Streamed};
-pub use frames::named_tool;
+pub use frames::{declared_names, named_tool};
 pub use free_turn::choose_turns;
 pub(crate) use free_turn::has_free_turns;
 pub use judge::{Judge, Judged, predict_chunks};

@@ -246,8 +246,7 @@ impl Row {
     /// Whether its numbers changed by more than the rounding of printing.
     #[must_use]
     pub(crate) fn is_corrected(&self) -> bool {
-        let turned = self.correction_deg.iter().any(|angle| angle.abs() > ROUNDED_DEG);
-        turned || Vector3::from(self.correction_mm).norm_squared() > ROUNDED_MM * ROUNDED_MM
+        MOVED.exceeds(self.correction_mm, self.error_mm) || TURNED.exceeds(self.correction_deg, self.error_deg)
     }
 
     /// Whether its errors are known: the target was solved.
@@ -355,10 +354,27 @@ fn count_in(counts: &mut Vec<KeptCount>, reason: KeptReason) {
     }
 }
 
-/// Largest change by printing four decimals and storing them in single precision, mm.
-const ROUNDED_MM: f64 = 0.9e-4;
-/// The same for eight decimals of a quaternion, degrees.
-const ROUNDED_DEG: f64 = 2e-5;
+/// By how much printing changes a number of a target.
+struct Rounding {
+    /// Largest change in a language that prints many decimals.
+    fine: f64,
+    /// Largest change in a language that prints three decimals.
+    coarse: f64,
+}
+
+/// Fine: four decimals of a millimetre in single precision. Coarse: half of the last of three decimals in x, y and z.
+const MOVED: Rounding = Rounding { fine: 0.9e-4, coarse: 0.9e-3 };
+/// Fine: eight decimals of a quaternion. Coarse: half of the last of three decimals in each of three angles.
+const TURNED: Rounding = Rounding { fine: 2e-5, coarse: 0.9e-3 };
+
+impl Rounding {
+    /// Whether a correction is more than rounding. A posted program prints each number anew, so a small correction that
+    /// is more than twice the error is rounding: it moves the target away by more than it corrects.
+    fn exceeds(&self, correction: [f64; 3], error: [f64; 3]) -> bool {
+        let (size, needed) = (Vector3::from(correction).norm(), Vector3::from(error).norm());
+        size > self.coarse || size > self.fine && size <= 2.0 * needed
+    }
+}
 
 /// Collects a [`Summary`] row by row in running order.
 #[derive(Clone, Debug, Default)]
@@ -493,5 +509,19 @@ mod tests {
         assert_relative_eq!(Summary::of(&[kept]).rms_error_mm, 4.0);
         // Nothing cuts: the error of the arm in the air is reported all the same.
         assert_relative_eq!(Summary::of(&[air]).rms_error_mm, 8.0);
+    }
+
+    /// FANUC and Yaskawa positions have three decimals, so a posted program changes numbers that need no correction.
+    #[test]
+    fn a_target_that_is_only_rounded_is_not_corrected() {
+        let target = |error: f64, correction: f64, turned: f64| {
+            let mut row = row(Status::Air, error, 0.0);
+            row.correction_mm = [0.0, -correction, 0.0];
+            row.correction_deg = [0.0, 0.0, turned];
+            row.is_corrected()
+        };
+        assert!(!target(0.0, 4e-4, 4e-4) && !target(1e-4, 4e-4, 0.0) && !target(0.0, 0.0, 0.0));
+        // A correction of the same size for an error, a larger one, and a turn that was chosen.
+        assert!(target(4e-4, 4e-4, 0.0) && target(0.2, 0.2, 0.0) && target(0.0, 0.01, 0.0) && target(0.0, 0.0, 5.0));
     }
 }

@@ -263,7 +263,7 @@ fn misplaced_points(
     match meant {
         Some((reason, _)) => Some((message, (*reason).to_owned())),
         None if off > NOTHING * spread => {
-            let help = "the rows belong to another robot or tool, or the motors are counted otherwise: compare [robot.kinematics]";
+            let help = "the rows belong to another robot or tool, or the motor angles have other zeros or signs: compare [robot.kinematics]";
             Some((message, help.to_owned()))
         }
         // The points are far off but follow the joints: the identification can find what is wrong with the tool or the
@@ -320,8 +320,10 @@ fn probe_orientation(
         }),
     ];
     let meant = MEANINGS.iter().find(|(_, meant)| off > FINE && read_as(*meant).0 < CLEARLY * off);
-    let message =
-        format!("measured orientations lie {:.1}° (median) from what the joints make of them", off.to_degrees());
+    let message = format!(
+        "measured orientations differ by {:.1}° (median) from those that the motor angles give",
+        off.to_degrees()
+    );
     match meant {
         Some((reason, _)) => Err((message, (*reason).to_owned())),
         None if off > ALIKE => {

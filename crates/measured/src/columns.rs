@@ -1,6 +1,6 @@
 //! The columns of a measured table, and the message for an error in one.
 
-use deflex_text::Diagnostic;
+use deflex_text::{Diagnostic, Source, Span};
 
 /// Columns of `docs/formats.md`.
 pub(super) const COLUMNS: [&str; 30] = [
@@ -27,6 +27,39 @@ pub(super) const PROBE_TOOL: usize = 28;
 
 /// Position in the file of each of [`COLUMNS`].
 pub(super) type Places = [Option<usize>; COLUMNS.len()];
+
+/// A row as it is in the file, to mark the cell that a message is about. A cell that does not need quotation marks is
+/// written without them.
+pub(super) struct RowText {
+    row: Source,
+    cells: Vec<Span>,
+}
+
+impl RowText {
+    pub(super) fn new<'a>(file: &str, separator: u8, cells: impl IntoIterator<Item = &'a [u8]>) -> Self {
+        let (mut text, mut spans): (Vec<u8>, Vec<Span>) = (Vec::new(), Vec::new());
+        for cell in cells {
+            if !spans.is_empty() {
+                text.push(separator);
+            }
+            let start = text.len();
+            if cell.iter().any(|byte| *byte == separator || matches!(byte, b'"' | b'\n')) {
+                let quoted = String::from_utf8_lossy(cell).replace('"', "\"\"").replace('\n', " ");
+                text.extend_from_slice(format!("\"{quoted}\"").as_bytes());
+            } else {
+                text.extend_from_slice(cell);
+            }
+            spans.push(Span::new(start, text.len()));
+        }
+        Self { row: Source::new(file, text), cells: spans }
+    }
+
+    /// An error of a cell, counted from 0, or of the last cell if there are fewer.
+    pub(super) fn wrong(&self, line: u64, cell: usize, message: String, help: String) -> Diagnostic {
+        let span = self.cells.get(cell).or(self.cells.last()).copied().unwrap_or(Span::new(0, 0));
+        wrong(&self.row.name, line, message, help).on_line(&self.row, span, u32::try_from(line).unwrap_or(0))
+    }
+}
 
 /// An error of a line of the table.
 pub(super) fn wrong(file: &str, line: u64, message: String, help: String) -> Diagnostic {

@@ -1,6 +1,6 @@
 //! Finds out how a table is laid out: its separator, its decimal sign, and the meaning of its columns.
 
-use super::columns::{COLUMNS, FORCE_COLUMNS, PROBE_TOOL, Places, wrong};
+use super::columns::{COLUMNS, FORCE_COLUMNS, PROBE_TOOL, Places, RowText};
 use deflex_text::limits;
 use deflex_text::nearest;
 use deflex_text::{Diagnostic, Severity};
@@ -48,7 +48,7 @@ impl ColumnNames {
             };
             let column = known(ours).map_err(|help| bad(format!("--columns: there is no column `{ours}`"), help))?;
             if renamed.iter().any(|(known, _)| *known == column) {
-                return Err(bad(format!("--columns: `{ours}` stands twice"), "name one column for it".to_owned()));
+                return Err(bad(format!("--columns names `{ours}` twice"), "name one column for it".to_owned()));
             }
             renamed.push((column, theirs.to_owned()));
         }
@@ -174,14 +174,14 @@ fn word(sign: char) -> &'static str {
 
 /// Position of each column in the header, which is line `line` of the file; and notes about the header.
 pub(super) fn places(
-    (file, line): (&str, u64),
+    (header, line): (&RowText, u64),
     names: &[&str],
     wanted: Wanted,
 ) -> Result<(Places, Vec<Diagnostic>), Vec<Diagnostic>> {
     let given = wanted.names.filter(|given| given.count_for(names));
-    let wrong = |message: String, help: String| wrong(file, line, message, help);
+    let wrong = |cell: usize, message: String, help: String| header.wrong(line, cell, message, help);
     if let Some(over) = limits::COLUMNS.exceeded(names.len() as f64) {
-        return Err(wrong(over, limits::COLUMNS.help.to_owned()).into());
+        return Err(wrong(0, over, limits::COLUMNS.help.to_owned()).into());
     }
     let mut errors = Vec::new();
     let mut place: Places = [None; COLUMNS.len()];
@@ -194,7 +194,7 @@ pub(super) fn places(
         };
         match (column, wanted.what) {
             (Some(column), _) if place[column].is_some() => {
-                errors.push(wrong(format!("column `{name}` stands twice"), "remove one of them".into()));
+                errors.push(wrong(at, format!("there are two columns `{name}`"), "remove one of them".into()));
             }
             (Some(column), What::Forces) if !FORCE_COLUMNS.contains(&column) && column != PROBE_TOOL => {}
             (Some(column), _) => place[column] = Some(at),
@@ -203,25 +203,26 @@ pub(super) fn places(
                 let wanted = FORCE_COLUMNS.map(|column| COLUMNS[column]).into_iter().filter(missing);
                 if let Some(near) = meant(name, wanted).filter(|_| !name.is_empty()) {
                     let help = format!("did you mean `{near}`?");
-                    errors.push(wrong(format!("unknown column `{name}`"), help));
+                    errors.push(wrong(at, format!("unknown column `{name}`"), help));
                 }
             }
             (None, What::All) => match meant(name, COLUMNS).filter(|near| !near.is_empty()) {
                 Some(near) => {
                     let help = format!("did you mean `{near}`?");
-                    errors.push(wrong(format!("unknown column `{name}`"), help));
+                    errors.push(wrong(at, format!("unknown column `{name}`"), help));
                 }
-                None => unknown.push(format!("`{name}`")),
+                None => unknown.push((at, format!("`{name}`"))),
             },
         }
     }
-    if !unknown.is_empty() {
+    if let Some(&(first, _)) = unknown.first() {
         let columns = if unknown.len() > 1 { "columns" } else { "column" };
         let known = COLUMNS[..COLUMNS.len() - 1].join(", ");
         let help = format!(
-            "rename with --columns \"target=…,x_mm=…\" or [measured] columns in the cell, which leaves others alone; known columns: {known}"
+            "--columns \"target=…,x_mm=…\", or `[measured] columns` in the cell, names the columns that you mean; others are then ignored. Known columns: {known}"
         );
-        errors.push(wrong(format!("unknown {columns} {}", unknown.join(", ")), help));
+        let names: Vec<String> = unknown.into_iter().map(|(_, name)| name).collect();
+        errors.push(wrong(first, format!("unknown {columns} {}", names.join(", ")), help));
     }
     let mut notes = Vec::new();
     for (given, (ours, theirs)) in given.iter().flat_map(|given| given.missing(&place).map(move |names| (given, names)))
@@ -232,7 +233,7 @@ pub(super) fn places(
         let near = nearest(theirs, names.iter().copied());
         let help = near
             .map_or_else(|| format!("the file has: {}", names.join(", ")), |near| format!("did you mean `{near}`?"));
-        let missing = wrong(format!("there is no column `{theirs}` for {ours}"), help);
+        let missing = wrong(0, format!("there is no column `{theirs}` for {ours}"), help);
         match given.given {
             Given::Call => errors.push(missing),
             Given::Cell => notes.push(missing.severity(Severity::Note)),
@@ -243,7 +244,7 @@ pub(super) fn places(
     if wanted.what == What::Forces && errors.is_empty() && incomplete {
         let message =
             "expected a column `target`, and `fx_n`, `fy_n`, `fz_n` or `time_s`, `temperature_c`, `payload_kg`";
-        errors.push(wrong(message.to_owned(), "see docs/formats.md".to_owned()));
+        errors.push(wrong(0, message.to_owned(), "see docs/formats.md".to_owned()));
     }
     if errors.is_empty() { Ok((place, notes)) } else { Err(errors) }
 }

@@ -1,5 +1,5 @@
 use super::clock::Clock;
-use super::columns::{COLUMNS, PROBE_TOOL, Places, wrong};
+use super::columns::{COLUMNS, PROBE_TOOL, Places, RowText, wrong};
 use super::layout::{ColumnNames, Decimal, Wanted, What, places, separator};
 use super::target::TargetRef;
 use super::text::LineFeeds;
@@ -132,6 +132,10 @@ impl Table {
                 Err(error) => errors.push(error),
             }
         }
+        if rows.is_empty() && errors.is_empty() {
+            let message = "the file has no rows below its header, expected one for each measured point".to_owned();
+            errors.push(wrong(&source.name, 1, message, "check that the values were saved".to_owned()));
+        }
         if errors.is_empty() {
             Ok(Self { file: source.name.clone(), rows, match_mm: None, notes })
         } else {
@@ -181,6 +185,9 @@ pub struct Rows<R> {
     file: String,
     records: csv::ByteRecordsIntoIter<Text<R>>,
     place: Places,
+    separator: u8,
+    /// Number of columns of the header.
+    columns: usize,
     decimal: Decimal,
     clock: Clock,
     wrong: usize,
@@ -234,6 +241,10 @@ impl<R: Read> Rows<R> {
                 _ => lines.push(line),
             }
         }
+        if lines.iter().all(|line| line.trim_ascii().is_empty()) {
+            let message = "the file is empty, expected a header row with the names of the columns".to_owned();
+            return Err(vec![wrong(file, 1, message, "check that the table was saved".into())]);
+        }
         // The line with the most names of columns. If no line has any, the first line, about which the error is then
         // reported.
         let known = lines.iter().map(|line| wanted.known_in(line)).enumerate();
@@ -241,14 +252,15 @@ impl<R: Read> Rows<R> {
         let separator = separator(lines.get(header).map_or(&[], |line| &line[..]));
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(separator)
-            .trim(csv::Trim::All)
-            .flexible(false)
+            .trim(csv::Trim::Headers)
+            .flexible(true)
             .from_reader(Cursor::new(lines[header.min(lines.len())..].concat()).chain(input));
         let before = header as u64;
         let names = reader.byte_headers().map_err(|reason| unread(before + 1, reason.to_string()))?;
         let names: Vec<String> = names.iter().map(|name| String::from_utf8_lossy(name).into_owned()).collect();
         let names: Vec<&str> = names.iter().map(|name| name.trim_start_matches('\u{feff}')).collect();
-        let (place, mut notes) = places((file, before + 1), &names, wanted)?;
+        let row = RowText::new(file, separator, names.iter().map(|name| name.as_bytes()));
+        let (place, mut notes) = places((&row, before + 1), &names, wanted)?;
         if before > 0 {
             let lines = if before == 1 {
                 "1 line before the header is"
@@ -262,6 +274,8 @@ impl<R: Read> Rows<R> {
             file: file.to_owned(),
             records: reader.into_byte_records(),
             place,
+            separator,
+            columns: names.len(),
             decimal: Decimal::default(),
             clock: Clock::default(),
             wrong: 0,
@@ -290,19 +304,22 @@ impl<R: Read> Iterator for Rows<R> {
                 // The rest of the file is ignored.
                 self.wrong = MESSAGES;
                 let line = (self.before + self.records.reader().position().line()).saturating_sub(1);
-                let message = match reason.kind() {
-                    csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-                        format!("row not read: it has {len} columns, and the header has {expected_len}")
-                    }
-                    _ => format!("row not read: {reason}"),
-                };
-                return Some(Err(wrong(&self.file, line, message, "every row has the header's columns".into())));
+                let message = format!("row not read: {reason}");
+                return Some(Err(wrong(&self.file, line, message, "check that the file is whole".into())));
             }
         };
         let line = self.line_of(&record);
-        let row = Cells { record: &record, place: &self.place, decimal: &self.decimal, clock: &self.clock }.row(line);
+        let row = if record.len() == self.columns {
+            Cells { record: &record, place: &self.place, decimal: &self.decimal, clock: &self.clock }.row(line)
+        } else {
+            let message = format!("the row has {} columns, and the header has {}", record.len(), self.columns);
+            let help = "every row has the columns of the header; empty cells keep their separator";
+            Err(CellError { cell: record.len().min(self.columns), message, help: help.into() })
+        };
         self.wrong += usize::from(row.is_err());
-        Some(row.map_err(|(message, help)| wrong(&self.file, line, message, help)))
+        Some(row.map_err(|CellError { cell, message, help }| {
+            RowText::new(&self.file, self.separator, &record).wrong(line, cell, message, help)
+        }))
     }
 }
 
@@ -313,26 +330,42 @@ struct Cells<'a> {
     clock: &'a Clock,
 }
 
-type CellError = (String, String);
+/// What is wrong with a row, and what to do.
+struct CellError {
+    /// The cell, counted from 0 in the row.
+    cell: usize,
+    message: String,
+    help: String,
+}
 
 impl Cells<'_> {
+    /// An error of a column.
+    fn error(&self, column: usize, message: String, help: impl Into<String>) -> CellError {
+        CellError { cell: self.place[column].unwrap_or(0), message, help: help.into() }
+    }
+
     fn text(&self, column: usize) -> Option<String> {
-        let text = self.record.get(self.place[column]?)?;
+        let text = self.record.get(self.place[column]?)?.trim_ascii();
         (!text.is_empty()).then(|| String::from_utf8_lossy(text).into_owned())
     }
 
     fn number(&self, column: usize) -> Result<Option<f64>, CellError> {
         let Some(text) = self.text(column) else { return Ok(None) };
         let number = self.decimal.number(&text).map_err(|message| {
-            (format!("{}: {message}", COLUMNS[column]), "write all numbers of a file alike".to_owned())
+            self.error(column, format!("{}: {message}", COLUMNS[column]), "write all numbers of a file alike")
         })?;
         match number {
-            Some(value) if value.abs() > largest(column) => Err((
+            Some(value) if value.abs() > largest(column) => Err(self.error(
+                column,
                 format!("{} is {text}, far beyond any robot (at most {:e})", COLUMNS[column], largest(column)),
-                "check the number and its unit".into(),
+                "check the number and its unit",
             )),
             Some(value) => Ok(Some(value)),
-            None => Err((format!("{} is `{text}`", COLUMNS[column]), "expected a number, or an empty cell".into())),
+            None => Err(self.error(
+                column,
+                format!("{} is `{text}`", COLUMNS[column]),
+                "expected a number, or an empty cell",
+            )),
         }
     }
 
@@ -346,7 +379,7 @@ impl Cells<'_> {
             None => self.clock.seconds().map(|()| None),
         };
         let help = "write all times of a file alike: seconds, 09:05:00, or 2026-11-24T09:05:00";
-        match seconds.map_err(|message| (format!("{}: `{text}` {message}", COLUMNS[COLUMN]), help.to_owned()))? {
+        match seconds.map_err(|message| self.error(COLUMN, format!("{}: `{text}` {message}", COLUMNS[COLUMN]), help))? {
             Some(time) => Ok(Some(time)),
             None => self.number(COLUMN),
         }
@@ -370,9 +403,10 @@ impl Cells<'_> {
         match given {
             0 => Ok(None),
             n if n == N => Ok(Some(values)),
-            _ => Err((
+            _ => Err(self.error(
+                first,
                 format!("{} are given in part", COLUMNS[first..first + N].join(", ")),
-                "give all of them or none".into(),
+                "give all of them or none",
             )),
         }
     }
@@ -386,16 +420,18 @@ impl Cells<'_> {
         if (norm - 1.0).abs() <= ROUNDED {
             return Ok(quat);
         }
-        Err((
+        Err(self.error(
+            4,
             format!("qw, qx, qy, qz have norm {norm:.4}"),
-            "expected a unit quaternion, scalar first, or four empty cells".into(),
+            "expected a unit quaternion, scalar first, or four empty cells",
         ))
     }
 
     /// A number that must not be negative, nor zero unless `zero` is set.
     fn size(&self, column: usize, zero: bool) -> Result<Option<f64>, CellError> {
         match self.number(column)? {
-            Some(value) if value < 0.0 || !zero && value == 0.0 => Err((
+            Some(value) if value < 0.0 || !zero && value == 0.0 => Err(self.error(
+                column,
                 format!("{} is {value}", COLUMNS[column]),
                 format!("expected a number {}, or an empty cell", if zero { "not below 0" } else { "above 0" }),
             )),
@@ -410,7 +446,14 @@ impl Cells<'_> {
                 Ok(ordinal) if ordinal >= 1.0 && ordinal.fract() == 0.0 && ordinal <= f64::from(u32::MAX) => {
                     TargetRef::Ordinal(ordinal as u32)
                 }
-                Ok(_) => return Err((format!("target is `{text}`"), "expected an ordinal from 1, or a name".into())),
+                Ok(_) => {
+                    let message = format!("target is `{text}`");
+                    return Err(self.error(
+                        0,
+                        message,
+                        "expected the number of a motion, from 1, or the name of a target",
+                    ));
+                }
                 Err(_) => TargetRef::Name(text),
             }),
         };
@@ -418,7 +461,7 @@ impl Cells<'_> {
             None => None,
             Some("0") => Some(false),
             Some("1") => Some(true),
-            Some(text) => return Err((format!("holdout is `{text}`"), "expected 0 or 1".into())),
+            Some(text) => return Err(self.error(24, format!("holdout is `{text}`"), "expected 0 or 1")),
         };
         let axes_mm = self.each(1)?;
         let position_mm = match axes_mm {
@@ -546,10 +589,19 @@ mod tests {
 
     #[test]
     fn names_what_is_wrong_with_its_line() {
+        for (text, message) in [("", "the file is empty"), ("target,x_mm\n\n", "no rows below its header")] {
+            assert!(read(text).unwrap_err()[0].message.contains(message), "{text:?}");
+        }
         let unknown = &read("target,x_m\n1,2\n").unwrap_err()[0];
+        assert_eq!((unknown.line, unknown.column), (1, 8));
         assert_eq!(unknown.help.as_deref(), Some("did you mean `x_mm`?"));
-        let nan = &read("target,x_mm,y_mm,z_mm\n1,1,2,3\n2,nan,2,3\n").unwrap_err()[0];
-        assert_eq!((nan.line, nan.message.as_str()), (3, "x_mm is `nan`"));
+        let nan = &read("target,x_mm,y_mm,z_mm\n1,1,2,3\n2, nan,2,3\n").unwrap_err()[0];
+        assert_eq!((nan.line, nan.column, nan.message.as_str()), (3, 3, "x_mm is `nan`"));
+        assert_eq!(nan.snippet, Some(("2, nan,2,3".to_owned(), 2..6)));
+        let quoted = &read("run,target,x_mm\n\"a,b\",1,x\n").unwrap_err()[0];
+        assert_eq!((quoted.line, quoted.column), (2, 9));
+        let ragged = &read("target,x_mm\n1\n2,3\n3,4,5\n").unwrap_err();
+        assert_eq!(ragged.iter().map(|error| (error.line, error.column)).collect::<Vec<_>>(), [(2, 1), (4, 5)]);
         let part = &read("target,fx_n,fy_n,fz_n\n1,1,2,\n").unwrap_err()[0];
         assert!(part.message.contains("in part"));
         let zero = &read("target,qw,qx,qy,qz\n1,1,0,0,0\n2,0,0,0,0\n").unwrap_err()[0];

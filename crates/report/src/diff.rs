@@ -356,7 +356,7 @@ pub fn diff_csv(found: &Difference) -> String {
         "target,line,shift_x_mm,shift_y_mm,shift_z_mm,shift_mm,turn_deg,step_mm,conf_before,conf_after\n".to_owned();
     for m in &found.moved {
         let numbers =
-            [m.shift_mm[0], m.shift_mm[1], m.shift_mm[2], m.mm, m.deg, m.step_mm].map(|value| decimals(value, 6));
+            [m.shift_mm[0], m.shift_mm[1], m.shift_mm[2], m.mm, m.deg, m.step_mm].map(|value| number::fixed(value, 6));
         let conf = |list: Option<[i32; 4]>| list.map_or_else(String::new, |list| list.map(|c| c.to_string()).join(" "));
         let (before, after) = (conf(m.conf.map(|c| c.0)), conf(m.conf.map(|c| c.1)));
         // Writing to a String cannot fail.
@@ -367,12 +367,5 @@ pub fn diff_csv(found: &Difference) -> String {
 
 /// Four decimals, as programs are written.
 fn short(value: f64) -> String {
-    decimals(value, 4)
-}
-
-/// The number with these decimals, and no negative zero.
-fn decimals(value: f64, decimals: usize) -> String {
-    let mut text = Vec::new();
-    number::write_fixed(&mut text, value, decimals);
-    String::from_utf8_lossy(&text).into_owned()
+    number::fixed(value, 4)
 }

@@ -2,7 +2,7 @@
 
 use deflex_effects::ParameterOwner;
 use deflex_identify::{Added, FittedParameter, Identification, ResidualRow};
-use deflex_text::number::write_fixed;
+use deflex_text::number::{fixed, write_fixed};
 use std::fmt::Write;
 
 /// The answer in one sentence: what is wrong with the data, which effects were found in which axes, how much smaller the error is with
@@ -135,9 +135,7 @@ pub(super) fn significant(value: f64) -> String {
         return if value == 0.0 { "0".to_owned() } else { format!("{value:.3e}") };
     }
     let decimals = (3.0 - size.log10().floor()).max(0.0) as usize;
-    let mut text = Vec::new();
-    write_fixed(&mut text, value, decimals);
-    String::from_utf8_lossy(&text).into_owned()
+    fixed(value, decimals)
 }
 
 /// The summary: the answer in one sentence, the errors before and after, the effects that were added, those that the rows cannot

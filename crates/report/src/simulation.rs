@@ -91,21 +91,23 @@ impl MapFigures {
     #[must_use]
     pub fn of(deviations: &[f64]) -> Self {
         let n = deviations.len().max(1) as f64;
+        // The sum of no numbers is -0.0.
+        let sum = |numbers: &mut dyn Iterator<Item = f64>| numbers.sum::<f64>() + 0.0;
         let side = |sign: f64| {
             let own: Vec<f64> = deviations.iter().map(|d| sign * d).filter(|d| *d > 0.0).collect();
             let count = own.len();
             OneSide {
                 share: count as f64 / n,
-                mean_mm: own.iter().sum::<f64>() / count.max(1) as f64,
+                mean_mm: sum(&mut own.iter().copied()) / count.max(1) as f64,
                 max_mm: own.iter().fold(0.0, |a: f64, b| a.max(*b)),
             }
         };
         let (gouge, leftover) = (side(-1.0), side(1.0));
         Self {
             points: deviations.len(),
-            rms_mm: (deviations.iter().map(|d| d * d).sum::<f64>() / n).sqrt(),
-            mean_mm: deviations.iter().map(|d| d.abs()).sum::<f64>() / n,
-            mean_signed_mm: deviations.iter().sum::<f64>() / n,
+            rms_mm: (sum(&mut deviations.iter().map(|d| d * d)) / n).sqrt(),
+            mean_mm: sum(&mut deviations.iter().map(|d| d.abs())) / n,
+            mean_signed_mm: sum(&mut deviations.iter().copied()) / n,
             max_mm: gouge.max_mm.max(leftover.max_mm),
             gouge,
             leftover,

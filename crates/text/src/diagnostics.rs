@@ -83,7 +83,11 @@ impl IntoIterator for Diagnostics {
 #[doc(hidden)]
 pub fn cannot_read(name: &str, error: &io::Error) -> Vec<Diagnostic> {
     let folder = Path::new(name).is_dir();
-    let help = if folder { "give the files in it, for example FOLDER/*.mod" } else { "check the path" };
+    let help = if folder {
+        "give a file; of a folder of programs its files, for example FOLDER/*.mod"
+    } else {
+        "check the path"
+    };
     Diagnostic::error("io.read", name, format!("the file cannot be read: {error}")).help(help).into()
 }
 

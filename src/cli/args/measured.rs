@@ -1,15 +1,16 @@
 //! Commands on measured data.
 
 use super::groups::{Common, Reading, positive};
-use clap::{Args, ValueEnum, ValueHint};
+use clap::{ArgGroup, Args, ValueEnum, ValueHint};
 use deflex::identify::Ask;
 use deflex::program::Language;
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
+#[command(group = ArgGroup::new("rows").args(["run", "poses", "log"]).required(true).multiple(true))]
 pub(in crate::cli) struct Identify {
     /// A program and the points measured on it; may be given several times
-    #[arg(long, num_args = 2, value_names = ["PROGRAM", "MEASURED"], required_unless_present_any = ["poses", "log"], conflicts_with = "poses", value_hint = ValueHint::FilePath)]
+    #[arg(long, num_args = 2, value_names = ["PROGRAM", "MEASURED"], conflicts_with = "poses", value_hint = ValueHint::FilePath)]
     pub(in crate::cli) run: Vec<PathBuf>,
     /// The program that the one of --run was corrected from: normal_mm and nominal places are counted from its path; of
     /// several, the folder with originals of the same file names
@@ -25,7 +26,7 @@ pub(in crate::cli) struct Identify {
     #[arg(long, value_name = "NAME=COLUMN,…")]
     pub(in crate::cli) columns: Option<String>,
     /// How far from the path a row with nominal_x_mm, nominal_y_mm, nominal_z_mm and no target may lie
-    #[arg(long, value_name = "MM", default_value_t = deflex::measured::MATCH_MM, value_parser = positive)]
+    #[arg(long, value_name = "MM", default_value_t = deflex::measured::MATCH_MM, value_parser = positive, allow_negative_numbers = true)]
     pub(in crate::cli) match_mm: f64,
     /// Cell file
     #[arg(long, value_name = "CELL", value_hint = ValueHint::FilePath)]

@@ -27,11 +27,11 @@ pub(in crate::cli) struct Compensate {
     #[arg(long, value_enum, default_value_t, value_name = "WHAT")]
     pub(in crate::cli) correct: Corrected,
     /// Insert targets until at most this error remains between two of them
-    #[arg(long, value_name = "MM", value_parser = positive)]
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(in crate::cli) subdivide: Option<f64>,
     /// Keep the driven, loaded path within this distance of the programmed one; needs [controller.path] in the cell, and adds
     /// targets where --subdivide is given
-    #[arg(long, value_name = "MM", value_parser = positive)]
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(in crate::cli) max_path_error: Option<f64>,
     /// Where several motions use one declared target and need different corrections: declare a copy for each
     #[arg(long)]
@@ -46,10 +46,10 @@ pub(in crate::cli) struct Compensate {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(in crate::cli) max_targets: Option<u32>,
     /// CL input: speed of rapid travel in the posted program
-    #[arg(long, value_name = "MM_S", default_value_t = RAPID_MM_S, value_parser = positive)]
+    #[arg(long, value_name = "MM_S", default_value_t = RAPID_MM_S, value_parser = positive, allow_negative_numbers = true)]
     pub(in crate::cli) rapid_speed: f64,
     /// CL input without a feed: feed of its moves
-    #[arg(long, value_name = "MM_S", value_parser = positive)]
+    #[arg(long, value_name = "MM_S", value_parser = positive, allow_negative_numbers = true)]
     pub(in crate::cli) feed: Option<f64>,
     #[command(flatten)]
     pub(in crate::cli) reading: Reading,
@@ -163,13 +163,13 @@ pub(in crate::cli) struct Check {
     #[command(flatten)]
     pub(in crate::cli) model: Model,
     /// Largest error of a target, and of the path to it unless --max-path-error gives another
-    #[arg(long, value_name = "MM", value_parser = positive)]
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(in crate::cli) max_error: f64,
     /// Largest distance from the programmed path between targets (`compensate --subdivide` makes it smaller)
-    #[arg(long, value_name = "MM", value_parser = positive)]
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(in crate::cli) max_path_error: Option<f64>,
     /// Largest jump of the tip where the force sets in, ends or turns at once; without it jumps are reported and not judged
-    #[arg(long, value_name = "MM", value_parser = positive)]
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(in crate::cli) max_jump: Option<f64>,
     /// Judge only the targets, not the path between them
     #[arg(long, conflicts_with_all = ["max_path_error", "max_jump"])]
@@ -178,7 +178,7 @@ pub(in crate::cli) struct Check {
     #[arg(long)]
     pub(in crate::cli) allow_unjudged: bool,
     /// Largest correction of a target
-    #[arg(long, value_name = "MM", value_parser = positive)]
+    #[arg(long, value_name = "MM", value_parser = positive, allow_negative_numbers = true)]
     pub(in crate::cli) max_correction: Option<f64>,
     /// The original of a corrected program (or the folder of originals): errors are counted from its targets
     #[arg(long, value_name = "ORIGINAL", value_hint = ValueHint::AnyPath)]

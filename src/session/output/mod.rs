@@ -402,9 +402,12 @@ pub(crate) fn refuse(path: &Path, why: &str, help: &str) -> Vec<Diagnostic> {
 pub(crate) fn cannot_write(path: &Path, error: &io::Error) -> Vec<Diagnostic> {
     let help = match error.kind() {
         io::ErrorKind::TimedOut => "run again when it has ended, or wait longer with `--lock-timeout SECONDS`",
+        io::ErrorKind::StorageFull => "make room on the disk",
         _ => "check that the folder exists and that you may write there",
     };
-    Diagnostic::error("io.write", &path.display().to_string(), format!("the file cannot be written: {error}"))
-        .help(help)
-        .into()
+    let (name, message) = match is_stdout(path) {
+        true => (String::new(), format!("stdout cannot be written: {error}")),
+        false => (path.display().to_string(), format!("the file cannot be written: {error}")),
+    };
+    Diagnostic::error("io.write", &name, message).help(help).into()
 }

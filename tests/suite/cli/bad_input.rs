@@ -114,8 +114,18 @@ fn cases() -> Vec<Case> {
         ("wrong unit", "cell.toml", cell("tcp_mm", "tcp_m"), &["cell.toml:11:1", "did you mean `tcp_mm`"]),
         ("wrong type", "cell.toml", cell("[0, 0, 310]", "\"310\""), &["cell.toml:11:10"]),
         ("too few", "cell.toml", cell("[0, 0, 310]", "[0, 0]"), &["cell.toml:11:10"]),
-        ("not a number", "cell.toml", cell("[0, 0, 310]", "[0, nan, 310]"), &["cell.toml:11:10", "not finite"]),
-        ("infinite stiffness", "cell.toml", cell("8.86e5", "inf"), &["cell.toml:5:20", "greater than 0"]),
+        (
+            "not a number",
+            "cell.toml",
+            cell("[0, 0, 310]", "[0, nan, 310]"),
+            &["cell.toml:11:10", "NaN, expected a finite number"],
+        ),
+        (
+            "infinite stiffness",
+            "cell.toml",
+            cell("8.86e5", "inf"),
+            &["cell.toml:5:20", "inf, expected a number above 0"],
+        ),
         ("no unit quaternion", "cell.toml", cell("tcp_quat = [1,", "tcp_quat = [2,"), &["cell.toml:12:12", "norm"]),
         (
             "missing stiffness",
@@ -245,7 +255,7 @@ fn mistyped_names_get_the_nearest_declared_one() {
     }
     bench.write("cell.toml", CELL);
     let said = bench.run("predict part.mod --cell cell.toml --tool mill").exits(2).stderr;
-    assert!(said.contains("did you mean `tMill`? declared: tMill"), "{said}");
+    assert!(said.contains("did you mean `tMill`? the cell declares tMill"), "{said}");
 }
 
 #[test]
@@ -255,7 +265,7 @@ fn files_in_each_others_place_are_recognised() {
     let program = said("predict part.mod --cell part.mod");
     assert!(program.contains("this is a program, where the cell file is expected"), "{program}");
     assert!(said("predict cell.toml --cell cell.toml").contains("neither RAPID, CL/APT"));
-    assert!(said("predict . --cell cell.toml").contains("give the files in it"));
+    assert!(said("predict . --cell cell.toml").contains("of a folder of programs its files"));
     bench.write("forces.csv", "target;fx_n;fy_n;fz_n\n1;2,5;3.5;4\n");
     assert!(said("predict part.mod --cell cell.toml --forces forces.csv").contains("has a decimal point"));
     bench.write("forces.csv", "target,fx,fy,fz\n1,2,3,4\n");

@@ -56,12 +56,17 @@ fn messages_for_a_program_are_one_object_a_line() {
     let cell = deflex::cell::template(&deflex::robot::BUILTIN[0]);
     std::fs::write(folder.path().join("cell.toml"), cell.replace("diameter_mm", "diametre_mm")).unwrap();
     let pose = ["pose", "--cell", "cell.toml", "--joints", "0,0,0,0,0,0"];
-    let said = |expected: i32| {
-        let ran = deflex(folder.path()).args(pose).env("DEFLEX_MESSAGES", "json").output().unwrap();
+    let of = |arguments: &[&str], expected: i32| {
+        let ran = deflex(folder.path()).args(arguments).env("DEFLEX_MESSAGES", "json").output().unwrap();
         assert_eq!(ran.status.code(), Some(expected));
         let text = String::from_utf8(ran.stderr).unwrap();
         text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap()).collect::<Vec<_>>()
     };
+    let said = |expected: i32| of(&pose, expected);
+    let missing = of(&["pose", "--joints", "0,0,0,0,0,0"], 2);
+    assert!(
+        missing[0]["code"] == "usage.arguments" && missing[0]["message"].as_str().unwrap().ends_with("--cell <CELL>")
+    );
     let [wrong] = &said(2)[..] else { panic!("one message") };
     let line = 1 + cell.lines().position(|line| line.starts_with("diameter_mm")).unwrap();
     assert_eq!((wrong["severity"].as_str(), wrong["file"].as_str()), (Some("error"), Some("cell.toml")));

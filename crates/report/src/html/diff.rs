@@ -1,6 +1,6 @@
 //! The page of `diff`.
 
-use super::markup::{Document, STAGE, Table, Tile, decimals, escape, mm, section, tiles};
+use super::markup::{Document, STAGE, Table, Tile, escape, fixed, mm, section, tiles};
 use super::trace::{Channels, MOST_STRETCHES, Sample, Trace};
 use crate::summary::grouped;
 use crate::{Difference, Origin};
@@ -39,7 +39,7 @@ pub fn diff_page(original: &Program, corrected: &str, found: &Difference) -> Str
             value: mm(found.max_mm),
             unit: "mm",
             label: "Largest shift",
-            aside: format!("mean {} mm of those that changed", decimals(found.mean_mm, 4)),
+            aside: format!("mean {} mm of those that changed", fixed(found.mean_mm, 4)),
         },
         Tile { key: "max_deg", value: mm(found.max_deg), unit: "°", label: "Largest turn", aside: changed },
         Tile {

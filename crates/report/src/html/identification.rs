@@ -1,6 +1,6 @@
 //! The page of `identify`.
 
-use super::markup::{Document, Table, Tile, bar, decimals, escape, further_pairs, list, section, tiles};
+use super::markup::{Document, Table, Tile, bar, escape, fixed, further_pairs, list, section, tiles};
 use super::trace::{Channels, MOST_STRETCHES, Sample, Trace};
 use crate::identification::{elsewhere, is_down_to_noise, named_parameter, nearby, significant};
 use crate::{Origin, identify_answer};
@@ -57,35 +57,35 @@ pub fn identification_page(found: &Identification, cell: &Origin, data: &[Origin
 fn figures(found: &Identification) -> String {
     let [low, high] = found.after_rms_ci95_mm;
     let drift = found.run_drift_rms_mm.map_or_else(String::new, |rms_mm| {
-        format!("; the run's drift of {} mm rms is taken off here and before", decimals(rms_mm, 4))
+        format!("; the run's drift of {} mm rms is taken off here and before", fixed(rms_mm, 4))
     });
     let errors = |errors: &deflex_identify::Errors| {
-        format!("mean {}, largest {} mm", decimals(errors.mean_mm, 4), decimals(errors.max_mm, 4))
+        format!("mean {}, largest {} mm", fixed(errors.mean_mm, 4), fixed(errors.max_mm, 4))
     };
     tiles(&[
         Tile {
             key: "before.rms_mm",
-            value: decimals(found.before.rms_mm, 4),
+            value: fixed(found.before.rms_mm, 4),
             unit: "mm rms",
             label: "Declared cell",
             aside: errors(&found.before),
         },
         Tile {
             key: "after.rms_mm",
-            value: decimals(found.after.rms_mm, 4),
+            value: fixed(found.after.rms_mm, 4),
             unit: "mm rms",
             label: "Extended cell",
-            aside: format!("{}; 95 % [{}, {}] mm{drift}", errors(&found.after), decimals(low, 4), decimals(high, 4)),
+            aside: format!("{}; 95 % [{}, {}] mm{drift}", errors(&found.after), fixed(low, 4), fixed(high, 4)),
         },
         Tile {
             key: "noise_floor_rms_mm",
-            value: decimals(found.noise_floor_rms_mm, 4),
+            value: fixed(found.noise_floor_rms_mm, 4),
             unit: "mm rms",
             label: "Noise floor",
             aside: format!(
                 "scatter {} mm and slow drift {} mm per axis",
-                decimals(found.noise_mm, 4),
-                decimals(found.wander_mm, 4)
+                fixed(found.noise_mm, 4),
+                fixed(found.wander_mm, 4)
             ),
         },
         Tile {
@@ -122,9 +122,9 @@ fn added(found: &Identification) -> String {
         let _ = writeln!(
             out,
             "<h3><code>{kind}</code></h3>\n<p>Probability {}. Error on held-out rows: {} mm rms without it, {} mm rms with it.{}</p>",
-            decimals(effect.posterior, 3),
-            decimals(effect.held_out_rms_before_mm, 4),
-            decimals(effect.held_out_rms_after_mm, 4),
+            fixed(effect.posterior, 3),
+            fixed(effect.held_out_rms_before_mm, 4),
+            fixed(effect.held_out_rms_after_mm, 4),
             match &effect.not_told_apart_from[..] {
                 [] => String::new(),
                 kinds => format!(" <strong>Cannot be distinguished from {}.</strong>", escape(&kinds.join(", "))),
@@ -167,8 +167,8 @@ fn effects(found: &Identification) -> String {
     for effect in effects {
         table.row([
             format!("<code>{}</code>", escape(&effect.kind)),
-            bar(&decimals(effect.share_rms_mm, 4), effect.share_rms_mm / most),
-            decimals(effect.probability, 3),
+            bar(&fixed(effect.share_rms_mm, 4), effect.share_rms_mm / most),
+            fixed(effect.probability, 3),
         ]);
     }
     let nearby = nearby(found).map(|text| format!("; {text}")).unwrap_or_default();
@@ -185,7 +185,7 @@ fn sets(sets: &[SetShare]) -> String {
     for SetShare { kinds, probability, .. } in sets {
         let kinds: Vec<String> = kinds.iter().map(|kind| format!("<code>{}</code>", escape(kind))).collect();
         let kinds = if kinds.is_empty() { "nothing".to_owned() } else { kinds.join(" + ") };
-        table.row([kinds, bar(&decimals(*probability, 3), *probability)]);
+        table.row([kinds, bar(&fixed(*probability, 3), *probability)]);
     }
     table.html()
 }
@@ -201,8 +201,8 @@ fn ranking(found: &Identification) -> String {
         let mark = if was_added { " <span class=\"mark\">added</span>" } else { "" };
         table.row([
             format!("<code>{}</code>{mark}", escape(&ranked.kind)),
-            bar(&decimals(ranked.held_out_rms_mm, 4), ranked.held_out_rms_mm / most),
-            decimals(ranked.delta_bic, 1),
+            bar(&fixed(ranked.held_out_rms_mm, 4), ranked.held_out_rms_mm / most),
+            fixed(ranked.delta_bic, 1),
         ]);
     }
     table.html()
@@ -226,7 +226,7 @@ fn separability(pairs: &[Separation]) -> String {
             _ => "yes",
         };
         let [of, from] = [of, from].map(|kind| format!("<code>{}</code>", escape(kind)));
-        table.row([of, from, bar(&decimals(*d_prime, 2), d_prime / most), verdict.to_owned()]);
+        table.row([of, from, bar(&fixed(*d_prime, 2), d_prime / most), verdict.to_owned()]);
     }
     table.html() + &further_pairs(pairs.len() - shown.len())
 }
@@ -250,7 +250,7 @@ fn left(found: &Identification) -> String {
     if !found.unexplained.correlates.is_empty() {
         let mut table = Table::new("correlates", &[("follows", false), ("r", true)]);
         for correlate in &found.unexplained.correlates {
-            table.row([escape(&correlate.with), bar(&decimals(correlate.r, 2), correlate.r.abs())]);
+            table.row([escape(&correlate.with), bar(&fixed(correlate.r, 2), correlate.r.abs())]);
         }
         out += &table.html();
     }

@@ -3,6 +3,7 @@
 use crate::{Origin, VERSION};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD as BASE64;
+pub(super) use deflex_text::number::fixed;
 use deflex_text::printable;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -222,13 +223,7 @@ pub(super) fn bar(text: &str, share: f64) -> String {
 
 /// Millimetres with four decimals, as in programs, and no negative zero.
 pub(super) fn mm(value: f64) -> String {
-    decimals(value, 4)
-}
-
-pub(super) fn decimals(value: f64, decimals: usize) -> String {
-    let mut text = Vec::new();
-    deflex_text::number::write_fixed(&mut text, value, decimals);
-    String::from_utf8_lossy(&text).into_owned()
+    fixed(value, 4)
 }
 
 /// The places of a page's 3-D view, its target panel and its charts: the scripts fill them.

@@ -1,6 +1,6 @@
 //! The page of `compensate` and `predict`.
 
-use super::markup::{Document, STAGE, Table, Tile, decimals, escape, mm, section, tiles};
+use super::markup::{Document, STAGE, Table, Tile, escape, fixed, mm, section, tiles};
 use super::scene;
 use super::trace::{Channels, MOST_STRETCHES, Sample, Trace, channels};
 use crate::summary::{FailureLine, PathKind, grouped, parts_text};
@@ -266,7 +266,7 @@ impl PathPage<'_> {
         let most = |of: fn(&FileSummary) -> f64| sums().map(of).fold(0.0, f64::max);
         let count = |of: fn(&FileSummary) -> usize| sums().map(of).sum::<usize>();
         let rms = match self.programs {
-            [(one, _)] => format!("rms {} mm over cutting targets", decimals(one.counts.rms_error_mm, 4)),
+            [(one, _)] => format!("rms {} mm over cutting targets", fixed(one.counts.rms_error_mm, 4)),
             _ => String::new(),
         };
         let mut all = vec![
@@ -383,7 +383,7 @@ impl PathPage<'_> {
         for (sum, _) in self.programs {
             let mut kept: Vec<String> = sum.counts.kept.iter().map(kept_text).collect();
             if sum.counts.max_kept_mm > 0.0 {
-                kept.push(format!("with up to {} mm", decimals(sum.counts.max_kept_mm, 4)));
+                kept.push(format!("with up to {} mm", fixed(sum.counts.max_kept_mm, 4)));
             }
             table.row([
                 escape(&sum.path),

@@ -1,6 +1,6 @@
 //! The page of `plan`.
 
-use super::markup::{Document, STAGE, Table, Tile, bar, decimals, escape, further_pairs, list, section, tiles};
+use super::markup::{Document, STAGE, Table, Tile, bar, escape, fixed, further_pairs, list, section, tiles};
 use super::scene;
 use super::trace::{Channels, MOST_STRETCHES, Sample, Trace};
 use crate::Origin;
@@ -41,7 +41,7 @@ impl DrawnArm {
 #[must_use]
 #[doc(hidden)]
 pub fn plan_page(plan: &Plan, name: &str, cell: &Origin, DrawnArm(scene): &DrawnArm) -> String {
-    let percent = |share: f64| decimals(100.0 * share, 0);
+    let percent = |share: f64| fixed(100.0 * share, 0);
     let weakest = plan.weakest.as_ref();
     let mut body = tiles(&[
         Tile {
@@ -53,7 +53,7 @@ pub fn plan_page(plan: &Plan, name: &str, cell: &Origin, DrawnArm(scene): &Drawn
         },
         Tile {
             key: "weakest",
-            value: decimals(weakest.map_or(0.0, |pair| pair.d_prime), 1),
+            value: fixed(weakest.map_or(0.0, |pair| pair.d_prime), 1),
             unit: "d′",
             label: "Weakest pair",
             aside: weakest.map_or_else(String::new, |pair| format!("{} from {}", pair.a, pair.b)),
@@ -67,7 +67,7 @@ pub fn plan_page(plan: &Plan, name: &str, cell: &Origin, DrawnArm(scene): &Drawn
         },
         Tile {
             key: "minutes",
-            value: decimals((plan.duration_s / 60.0).ceil(), 0),
+            value: fixed((plan.duration_s / 60.0).ceil(), 0),
             unit: "min",
             label: "Time",
             aside: "ten seconds a row, two minutes a change of the load".to_owned(),
@@ -114,8 +114,8 @@ fn kinds(plan: &Plan) -> String {
     for kind in &plan.kinds {
         table.row([
             format!("<code>{}</code>", escape(&kind.kind)),
-            decimals(kind.d_prime, 1),
-            bar(&format!("{} %", decimals(100.0 * kind.chance_right, 0)), kind.chance_right),
+            fixed(kind.d_prime, 1),
+            bar(&format!("{} %", fixed(100.0 * kind.chance_right, 0)), kind.chance_right),
         ]);
     }
     table.html()
@@ -129,7 +129,7 @@ fn pairs(plan: &Plan) -> String {
         table.row([
             format!("<code>{}</code>", escape(&pair.a)),
             format!("<code>{}</code>", escape(&pair.b)),
-            decimals(pair.d_prime, 1),
+            fixed(pair.d_prime, 1),
             escape(pair.why.unwrap_or_default()),
         ]);
     }
@@ -142,11 +142,11 @@ fn rows(plan: &Plan) -> String {
     let head: Vec<(&'static str, bool)> = numbers.into_iter().map(|name| (name, true)).collect();
     let mut table = Table::new("places", &head);
     for row in &plan.rows {
-        let place = row.position_mm.iter().map(|v| decimals(*v, 1));
-        let load = row.load_n.iter().map(|v| decimals(*v, 1));
-        let axes = row.axes_deg.iter().map(|v| decimals(*v, 1));
+        let place = row.position_mm.iter().map(|v| fixed(*v, 1));
+        let load = row.load_n.iter().map(|v| fixed(*v, 1));
+        let axes = row.axes_deg.iter().map(|v| fixed(*v, 1));
         let first = std::iter::once(row.target.to_string());
-        table.row(first.chain(place).chain(load).chain([decimals(row.time_s, 0)]).chain(axes));
+        table.row(first.chain(place).chain(load).chain([fixed(row.time_s, 0)]).chain(axes));
     }
     table.html()
 }

@@ -1,6 +1,6 @@
 //! The page of `simulate`.
 
-use super::markup::{COMMON, Document, Table, Tile, decimals, mm, section, tiles};
+use super::markup::{COMMON, Document, Table, Tile, fixed, mm, section, tiles};
 use crate::summary::grouped;
 use crate::{CutterAt, DeviationMap, MapFigures};
 use serde_json::{Value, json};
@@ -20,7 +20,7 @@ pub fn simulation_page(
 ) -> String {
     let mut body = String::new();
     if let Some((_, last)) = figures.last() {
-        let percent = |share: f64| format!("{} % of the surface", decimals(100.0 * share, 1));
+        let percent = |share: f64| format!("{} % of the surface", fixed(100.0 * share, 1));
         body += &tiles(&[
             Tile {
                 key: "rms_mm",

@@ -15,7 +15,7 @@ pub use row::{Digits, Numbers, Printed, Row, SIDE};
 pub use runs::Runs;
 #[cfg(test)]
 pub(crate) use write::write_fixed_plain;
-pub use write::{Fixed, printed, write_fixed, write_whole};
+pub use write::{Fixed, fixed, printed, write_fixed, write_whole};
 
 /// The powers of ten that are exact as floating-point numbers.
 const TENS: [f64; 23] = [

@@ -12,6 +12,15 @@ pub fn write_fixed(out: &mut Vec<u8>, value: f64, decimals: usize) {
     }
 }
 
+/// The text of [`write_fixed`].
+#[must_use]
+#[doc(hidden)]
+pub fn fixed(value: f64, decimals: usize) -> String {
+    let mut text = Vec::new();
+    write_fixed(&mut text, value, decimals);
+    String::from_utf8_lossy(&text).into_owned()
+}
+
 /// The reference for [`write_fixed`].
 pub(crate) fn write_fixed_plain(out: &mut Vec<u8>, value: f64, decimals: usize) {
     use std::io::Write;
