@@ -269,7 +269,11 @@ impl<'a> Solver<'a> {
 }
 
 /// Travel of the **corrected** motion, in order: lost motion is added in the direction of travel, and the travel follows from the commands.
+/// Without lost motion it has no effect, and stays that of the programmed motion.
 pub(super) fn settle_travel(arm: &Arm, prepared: &Prepared, first: &[First], last: &mut Last) -> Vec<Joints> {
+    if !arm.follows_travel() {
+        return prepared.points.iter().map(|point| point.travel).collect();
+    }
     first
         .iter()
         .zip(&prepared.points)
