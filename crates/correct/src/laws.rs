@@ -158,7 +158,7 @@ impl<'a> Laws<'a> {
         &mut self,
         (target, tool): (&Target, usize),
         given: Option<Vector3<f64>>,
-        (frame, leaned, held): (Option<&Rotation3<f64>>, bool, Option<PointLoad>),
+        (frame, leaned, held): (Option<&Rotation3<f64>>, bool, Option<&PointLoad>),
         wobj_from_tcp: &Pose,
         has_table: bool,
     ) -> Result<PointLoad, Refusal> {
@@ -187,7 +187,7 @@ impl<'a> Laws<'a> {
                 (ForceFrame::Wobj, _) => constant(*force, Follows::WorkObject),
                 (ForceFrame::Tool, _) => constant(wobj_from_tcp.rotation * force, Follows::Tool),
                 (ForceFrame::Feed, Some(frame)) => constant(frame * force, Follows::Feed(*force)),
-                (ForceFrame::Feed, None) => held.unwrap_or(PointLoad::Air),
+                (ForceFrame::Feed, None) => held.copied().unwrap_or(PointLoad::Air),
             }),
             // Computed when the stock is cut.
             Some(CutForce::Mechanistic) if self.follows_stock(tool) => {
