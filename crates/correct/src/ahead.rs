@@ -19,6 +19,9 @@ pub(super) struct Ahead {
     spin: Spin,
     /// Poses, and motor angles where they were found.
     found: BatchSolutions,
+    /// The poses, target by target. Like the motor angles and the feed frames, they are separated at once, so that none is read right after
+    /// it was written to memory.
+    poses: [Pose; WIDTH],
     posed: bool,
     /// For CL targets, the last direction that the rule gave x; see [`spin::pose`].
     held: [Option<Vector3<f64>>; WIDTH],
@@ -36,16 +39,17 @@ struct Chords {
     size: Lanes,
     direction: Vector,
     feed_frame: Frame,
+    feed_frames: [Rotation3<f64>; WIDTH],
     fed: LaneMask,
 }
 
 /// The chord to a target, or from it for the first target, work object axes.
-pub(super) struct Approach {
+pub(super) struct Approach<'a> {
     /// Its length, m.
     pub(super) size: f64,
     /// Its unit direction; `None` if it is too short for one.
     pub(super) direction: Option<Vector3<f64>>,
-    pub(super) feed_frame: Option<Rotation3<f64>>,
+    pub(super) feed_frame: Option<&'a Rotation3<f64>>,
 }
 
 impl Ahead {
@@ -53,6 +57,7 @@ impl Ahead {
         Self {
             spin: cell.cl.as_ref().map_or(spin::NONE, |cl| cl.spin),
             found: BatchSolutions::default(),
+            poses: [Pose::identity(); WIDTH],
             posed: false,
             held: [None; WIDTH],
             chords: Chords::default(),
@@ -82,6 +87,9 @@ impl Ahead {
         if targets.iter().any(is_pose) {
             let place = |lane: usize| place(&targets[lane], setting(lane), &near);
             robot.find(targets.len(), place, &mut self.found);
+            for (lane, pose) in self.poses.iter_mut().enumerate() {
+                *pose = self.found.wobj_from_tcp.lane(lane);
+            }
             self.posed = true;
             self.stretch = before.is_some() && targets.iter().all(is_pose);
         } else if let Some(before) = before
@@ -106,7 +114,7 @@ impl Ahead {
             let here = Vector3::from(position_mm) * 1e-3;
             let pose = spin::pose(&self.spin, position_mm, axis, here - from, &mut held)?;
             self.found.wobj_from_tcp.set(lane, &pose);
-            (self.held[lane], from) = (held, here);
+            (self.poses[lane], self.held[lane], from) = (pose, held, here);
         }
         Some(())
     }
@@ -123,11 +131,11 @@ impl Ahead {
 
     /// Pose of a CL target, and the last direction of the rule then.
     pub(super) fn turned(&self, lane: usize) -> Option<(Pose, Option<Vector3<f64>>)> {
-        self.stretch.then(|| (self.found.wobj_from_tcp.lane(lane), self.held[lane]))
+        self.stretch.then(|| (self.poses[lane], self.held[lane]))
     }
 
     pub(super) fn pose(&self, lane: usize) -> Option<Pose> {
-        self.posed.then(|| self.found.wobj_from_tcp.lane(lane))
+        self.posed.then(|| self.poses[lane])
     }
 
     /// Motor angles, if they are surely the nearest to `near` (rad).
@@ -155,7 +163,7 @@ impl Ahead {
         self.chords.chord.lane(lane)
     }
 
-    pub(super) fn approach(&self, lane: usize) -> Approach {
+    pub(super) fn approach(&self, lane: usize) -> Approach<'_> {
         self.chords.lane(lane)
     }
 }
@@ -182,6 +190,9 @@ impl Chords {
             chords.direction = chords.chord * (Lanes::of(1.0) / chords.size);
             (chords.feed_frame, chords.fed) = lean.feed_frames(-poses.z, chords.direction);
         });
+        for (lane, feed_frame) in self.feed_frames.iter_mut().enumerate() {
+            *feed_frame = self.feed_frame.rotation(lane);
+        }
     }
 
     /// Computes the approach for one chord.
@@ -194,17 +205,17 @@ impl Chords {
         self.direction.set(lane, &direction);
         self.fed.set(lane, feed_frame.is_some());
         if let Some(feed_frame) = feed_frame {
-            self.feed_frame.set_axes(lane, &feed_frame);
+            self.feed_frames[lane] = feed_frame;
         }
     }
 
-    fn lane(&self, lane: usize) -> Approach {
+    fn lane(&self, lane: usize) -> Approach<'_> {
         let size = self.size.lane(lane);
         let far = size > CHORD;
         Approach {
             size,
             direction: far.then(|| self.direction.lane(lane)),
-            feed_frame: (far && self.fed.lane(lane)).then(|| self.feed_frame.rotation(lane)),
+            feed_frame: (far && self.fed.lane(lane)).then(|| &self.feed_frames[lane]),
         }
     }
 }

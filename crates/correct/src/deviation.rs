@@ -55,6 +55,7 @@ impl PathDeviation {
     }
 
     /// This deviation, which changes evenly from `from` to `to` (m), with its jump. `before` is the distance before it, m.
+    #[inline]
     fn with_jump(self, before: f64, from: &Vector3<f64>, to: &Vector3<f64>) -> Self {
         let (a, b) = (from.norm_squared(), to.norm_squared());
         if a <= b || a <= before * before {

@@ -140,7 +140,8 @@ impl Stops {
         Self { all }
     }
 
-    /// Directions of travel to the targets, which go to these motor angles, and to the stops on their segments.
+    /// Directions of travel to the targets, which go to these motor angles, and to the stops on their segments. Without lost motion they
+    /// have no effect, and stay those of the programmed motion.
     pub(super) fn travels(
         &mut self,
         arm: &Arm,
@@ -149,6 +150,10 @@ impl Stops {
         motors: &[Joints],
         last: &mut Last,
     ) -> Vec<Dragged> {
+        if !arm.follows_travel() {
+            let step = |(motor, point): (&Joints, &Point)| Dragged { motor: *motor, ..point.step() };
+            return motors.iter().zip(&prepared.points).map(step).collect();
+        }
         let mut next = 0;
         let mut out = Vec::with_capacity(motors.len());
         for (i, motor) in motors.iter().enumerate() {

@@ -158,7 +158,7 @@ impl<'a> Laws<'a> {
         &mut self,
         (target, tool): (&Target, usize),
         given: Option<Vector3<f64>>,
-        (frame, leaned, held): (Option<&Rotation3<f64>>, bool, Option<PointLoad>),
+        (frame, leaned, held): (Option<&Rotation3<f64>>, bool, Option<&PointLoad>),
         wobj_from_tcp: &Pose,
         has_table: bool,
     ) -> Result<PointLoad, Refusal> {
@@ -187,7 +187,7 @@ impl<'a> Laws<'a> {
                 (ForceFrame::Wobj, _) => constant(*force, Follows::WorkObject),
                 (ForceFrame::Tool, _) => constant(wobj_from_tcp.rotation * force, Follows::Tool),
                 (ForceFrame::Feed, Some(frame)) => constant(frame * force, Follows::Feed(*force)),
-                (ForceFrame::Feed, None) => held.unwrap_or(PointLoad::Air),
+                (ForceFrame::Feed, None) => held.copied().unwrap_or(PointLoad::Air),
             }),
             // Computed when the stock is cut.
             Some(CutForce::Mechanistic) if self.follows_stock(tool) => {
@@ -310,27 +310,31 @@ impl<'a> Laws<'a> {
 
     /// Index of the law of a tool and a feed per tooth. Programs have few: a linear search.
     fn law(&mut self, tool: usize, feed_per_tooth: f64) -> Result<usize, Refusal> {
-        let (milling, table) = self.table(tool)?;
+        let (milling, table) = match &self.tools[tool].1.table {
+            Some(known) => known,
+            None => {
+                let new = self.table(tool)?;
+                self.tools[tool].1.table.insert(new)
+            }
+        };
         let same = |law: &Law| {
-            Arc::ptr_eq(&law.milling, &milling) && law.table.feed_per_tooth().to_bits() == feed_per_tooth.to_bits()
+            Arc::ptr_eq(&law.milling, milling) && law.table.feed_per_tooth().to_bits() == feed_per_tooth.to_bits()
         };
         if let Some(index) = self.laws.iter().position(same) {
             return Ok(index);
         }
-        self.laws.push(Law::new(milling, table.at_feed(feed_per_tooth), *self.lean(tool)));
+        let law = Law::new(Arc::clone(milling), table.at_feed(feed_per_tooth), *self.lean(tool));
+        self.laws.push(law);
         Ok(self.laws.len() - 1)
     }
 
-    /// The table of a tool's milling force; tools with the same parts share one.
-    fn table(&mut self, tool: usize) -> Result<(Arc<Milling>, Arc<ForceTable>), Refusal> {
-        if let Some(table) = &self.tools[tool].1.table {
-            return Ok(table.clone());
-        }
+    /// Computes the table of a tool's milling force; tools with the same parts share one.
+    fn table(&self, tool: usize) -> Result<(Arc<Milling>, Arc<ForceTable>), Refusal> {
         let (name, cut) = &self.tools[tool];
         let same = |other: &ToolCut| other.milling == cut.milling;
         let shared = self.tools.iter().find_map(|(_, other)| other.table.clone().filter(|_| same(other)));
-        let table = match (shared, &cut.milling) {
-            (Some(shared), _) => shared,
+        match (shared, &cut.milling) {
+            (Some(shared), _) => Ok(shared),
             (
                 None,
                 Some(MillingCut { cutter, engagement: EngagementSource::Declared(engagement), coefficients, .. }),
@@ -339,17 +343,13 @@ impl<'a> Laws<'a> {
                     let message = format!("the cut of tool `{name}`: {}: {}", error.field, error.message);
                     Refusal::new("cell.cut", message, "check cutter, engagement and coefficients of the tool")
                 })?;
-                (Arc::new(milling.clone()), Arc::new(ForceTable::new(milling)))
+                Ok((Arc::new(milling.clone()), Arc::new(ForceTable::new(milling))))
             }
-            (None, _) => {
-                return Err(Refusal::new(
-                    "cell.no-stock",
-                    format!("tool `{name}` cuts here with mode = \"stock\", which needs the stock"),
-                    "add [stock] with its box_mm, or declare mode = \"slot\", \"up\" or \"down\" with its depth",
-                ));
-            }
-        };
-        self.tools[tool].1.table = Some(table.clone());
-        Ok(table)
+            (None, _) => Err(Refusal::new(
+                "cell.no-stock",
+                format!("tool `{name}` cuts here with mode = \"stock\", which needs the stock"),
+                "add [stock] with its box_mm, or declare mode = \"slot\", \"up\" or \"down\" with its depth",
+            )),
+        }
     }
 }

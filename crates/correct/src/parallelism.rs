@@ -1,9 +1,7 @@
 //! How the points of a pass are spread over threads and lanes; the results do not depend on it.
 
-use deflex_equilibrium::EquilibriumError;
 use deflex_lanes::WIDTH;
 use rayon::prelude::*;
-use smallvec::SmallVec;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
@@ -33,29 +31,44 @@ impl Parallelism {
         }
     }
 
-    /// The same, eight at a time. `many` computes the indices that are `simple`, as far as it can, and `one` computes the others; both get a
-    /// workspace.
-    pub(super) fn for_each_batch<T: Answer, R: Default + Send>(
+    /// The same, eight at a time: `many` solves the indices that are `simple` in a workspace, and `answer` gives the result for each of
+    /// them, if there is one. `one` computes all others.
+    pub(super) fn for_each_batch<T: Send, R: Default + Send>(
         self,
         count: usize,
         simple: impl Fn(usize) -> bool + Sync,
         workspaces: &WorkspacePool<R>,
-        many: impl Fn(&mut R, &[usize], Answers<'_, T>) + Sync,
-        one: impl Fn(&mut R, usize) -> T + Sync,
+        many: impl Fn(&mut R, &[usize]) + Sync,
+        answer: impl Fn(&R, Lane) -> Option<T> + Sync,
+        one: impl Fn(usize) -> T + Sync,
     ) -> Vec<T> {
         let stretch = |indices: Range<usize>| {
             let mut out = Vec::with_capacity(indices.len());
             let mut room = workspaces.take();
             for first in indices.clone().step_by(WIDTH) {
                 let block = first..indices.end.min(first + WIDTH);
-                let indices: SmallVec<[usize; WIDTH]> = block.clone().filter(|i| simple(*i)).collect();
-                let start = out.len();
-                out.extend(block.clone().map(|_| T::open()));
-                if !indices.is_empty() {
-                    many(&mut room, &indices, Answers { out: &mut out[start..], indices: &indices, first });
+                let (mut alike, mut count) = ([0; WIDTH], 0);
+                for index in block.clone() {
+                    if simple(index) {
+                        alike[count] = index;
+                        count += 1;
+                    }
                 }
-                for (i, answer) in block.zip(&mut out[start..]).filter(|(_, answer)| answer.is_open()) {
-                    *answer = one(&mut room, i);
+                let alike = &alike[..count];
+                if !alike.is_empty() {
+                    many(&mut room, alike);
+                }
+                let mut number = 0;
+                for index in block {
+                    let mut found = None;
+                    if alike.get(number) == Some(&index) {
+                        found = answer(&room, Lane { number, index });
+                        number += 1;
+                    }
+                    match found {
+                        Some(found) => out.push(found),
+                        None => out.push(one(index)),
+                    }
                 }
             }
             workspaces.give(room);
@@ -71,37 +84,11 @@ impl Parallelism {
     }
 }
 
-/// The result for a point.
-pub(super) trait Answer: Send {
-    /// A result that is still missing.
-    fn open() -> Self;
-
-    /// Whether the result is still missing, so that `one` has to compute it.
-    fn is_open(&self) -> bool;
-}
-
-impl<T: Send> Answer for Result<T, EquilibriumError> {
-    fn open() -> Self {
-        Err(EquilibriumError::NotFinite)
-    }
-
-    fn is_open(&self) -> bool {
-        self.is_err()
-    }
-}
-
-/// Receives the results of eight points.
-pub(super) struct Answers<'a, T> {
-    out: &'a mut [T],
-    indices: &'a [usize],
-    first: usize,
-}
-
-impl<T> Answers<'_, T> {
-    /// Sets the result of the point in a lane.
-    pub(super) fn put(&mut self, lane: usize, answer: T) {
-        self.out[self.indices[lane] - self.first] = answer;
-    }
+/// A lane of a workspace, and the index that it has.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lane {
+    pub(super) number: usize,
+    pub(super) index: usize,
 }
 
 /// Workspaces that are used again.

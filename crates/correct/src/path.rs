@@ -382,14 +382,11 @@ impl Walk<'_, '_> {
         };
         // A surface normal in the text is more accurate than the lean that the cell declares.
         let printed = surface_normal(target);
-        let feed_frame = match (printed, direction) {
-            (Some(normal), Some(direction)) => frame_on(normal, direction),
-            (Some(_), None) => None,
-            (None, _) => feed_frame,
-        };
+        let on_surface = printed.zip(direction).and_then(|(normal, direction)| frame_on(normal, direction));
+        let feed_frame = if printed.is_some() { on_surface.as_ref() } else { feed_frame };
         let leaned = feed_frame.is_some() && printed.is_none();
         // A motion without a feed direction, such as a plunge along the tool axis, has the force of the cut before it.
-        let held = joined.map(|previous| previous.load).filter(PointLoad::turns_with_feed);
+        let held = joined.map(|previous| &previous.load).filter(|load| load.turns_with_feed());
         let frame = feed_frame.or(match held {
             Some(PointLoad::Law { wobj_from_feed, .. }) => Some(wobj_from_feed),
             _ => None,
@@ -409,7 +406,7 @@ impl Walk<'_, '_> {
             return self.leave(target, why, (wobj_from_tcp, dragged), setting_and_tool, stand);
         }
         let table = self.options.has_force_table(self.cell);
-        let (cut, given, axes) = ((target, tool), row.and_then(|r| r.force), (frame.as_ref(), leaned, held));
+        let (cut, given, axes) = ((target, tool), row.and_then(|r| r.force), (frame, leaned, held));
         let load = match self.carried.laws.load(cut, given, axes, &wobj_from_tcp, table) {
             Ok(load) => load,
             Err(Refusal { code, message, help }) => return self.refuse(target, code, &message, &help),

@@ -1,11 +1,11 @@
 //! Commands for every point: equilibria in parallel, directions of travel in order.
 
-use super::parallelism::{Answer, Answers, Parallelism, WorkspacePool};
+use super::parallelism::{Lane, Parallelism, WorkspacePool};
 use super::{Correct, Prepared, frames};
 use deflex_drive::Track;
 use deflex_equilibrium::{
-    Arm, Batch, Command, Dragged, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting, Settling,
-    Start, TRAVEL_THRESHOLD, WarmStart,
+    Aimed, Arm, Batch, Command, Dragged, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting,
+    Settling, Start, TRAVEL_THRESHOLD, WarmStart,
 };
 use deflex_program::{Editable, Language};
 use deflex_robot::{BatchArm, Joints, Pose, Robot, Unreachable, WrittenTarget, turn_between};
@@ -74,15 +74,8 @@ impl First {
     }
 }
 
-impl Answer for First {
-    fn open() -> Self {
-        Self { aim: Answer::open(), nominal: None, uncorrected: Answer::open() }
-    }
-
-    fn is_open(&self) -> bool {
-        self.aim.is_open() || self.uncorrected.is_open()
-    }
-}
+/// The result for a point whose pose is unknown.
+const UNSOLVED: EquilibriumError = EquilibriumError::NotFinite;
 
 /// Solves all points of a program or a chunk, many at once where the cell allows it.
 pub(super) struct Solver<'a> {
@@ -101,26 +94,28 @@ impl<'a> Solver<'a> {
     /// Commands of every point with the programmed travel, and the pose where the arm ends up without a correction.
     pub(super) fn first(&self, modes: &[CorrectionMode]) -> Vec<First> {
         let prepared = self.prepared;
-        let many = |room: &mut Room<'a>, indices: &[usize], mut out: Answers<'_, _>| {
+        let many = |room: &mut Room<'a>, indices: &[usize]| {
             let wanted = |lane: usize| {
                 let point = &prepared.points[indices[lane]];
                 (prepared.site(indices[lane]), &point.motor, &point.travel)
             };
-            self.many.aim(room, indices.len(), wanted, |lane, aim, nominal, predicted| {
-                out.put(lane, First { aim: Ok(aim), nominal, uncorrected: Ok(predicted) });
-            });
+            self.many.aim(room, indices.len(), wanted);
         };
-        let one = |_: &mut Room<'a>, i: usize| {
+        let answer = |room: &Room<'a>, lane: Lane| {
+            let Aimed { aim, nominal, uncorrected } = room.aimed(lane.number)?;
+            Some(First { aim: Ok(aim), nominal, uncorrected: Ok(uncorrected) })
+        };
+        let one = |i: usize| {
             let point = &prepared.points[i];
             if point.unsolved.is_some() {
-                return First::open();
+                return First { aim: Err(UNSOLVED), nominal: None, uncorrected: Err(UNSOLVED) };
             }
             let aim = self.one(i, modes[i], &point.travel);
             let near = aim.as_ref().map_or_else(|_| WarmStart::default(), InverseSolution::uncorrected);
             First { aim, nominal: None, uncorrected: self.land(i, point.as_programmed(), near) }
         };
         let simple = |i: usize| modes[i] == CorrectionMode::Pose && !prepared.setting(i).held;
-        self.parallelism.for_each_batch(modes.len(), simple, &self.workspaces, many, one)
+        self.parallelism.for_each_batch(modes.len(), simple, &self.workspaces, many, answer, one)
     }
 
     /// Corrected commands of every point in their settled directions of travel.
@@ -132,14 +127,16 @@ impl<'a> Solver<'a> {
     ) -> Vec<Result<Solved, EquilibriumError>> {
         let (arm, prepared) = (self.arm, self.prepared);
         let follows = arm.follows_command();
-        let commanded = |i: usize| Some(first[i].aim().ok()?.commanded(&travels[i]));
-        let many = |room: &mut Room<'a>, indices: &[usize], mut out: Answers<'_, _>| {
-            let given = |lane: usize| Some((prepared.setting(indices[lane]), commanded(indices[lane])?));
-            self.many.nominal(room, indices.len(), given, |lane, motor, wobj_from_tcp| {
-                out.put(lane, Ok(Solved { motor, wobj_from_tcp }));
-            });
+        let commanded = |i: usize| first[i].aim().map_or(prepared.points[i].motor, |aim| aim.commanded(&travels[i]));
+        let many = |room: &mut Room<'a>, indices: &[usize]| {
+            let given = |lane: usize| (prepared.setting(indices[lane]), commanded(indices[lane]));
+            self.many.nominal(room, indices.len(), given);
         };
-        let one = |_: &mut Room<'a>, i: usize| {
+        let answer = |room: &Room<'a>, lane: Lane| {
+            let (motor, wobj_from_tcp) = room.nominal(lane.number);
+            Some(Ok(Solved { motor, wobj_from_tcp }))
+        };
+        let one = |i: usize| {
             let (point, travel) = (&prepared.points[i], &travels[i]);
             let aim = first[i].aim().map_err(Clone::clone)?;
             if let Some(wobj_from_tcp) = first[i].nominal {
@@ -167,7 +164,7 @@ impl<'a> Solver<'a> {
                 && !again(i)
                 && !prepared.setting(i).held
         };
-        self.parallelism.for_each_batch(modes.len(), simple, &self.workspaces, many, one)
+        self.parallelism.for_each_batch(modes.len(), simple, &self.workspaces, many, answer, one)
     }
 
     fn one(&self, i: usize, mode: CorrectionMode, travel: &Joints) -> Result<InverseSolution, EquilibriumError> {
@@ -200,20 +197,19 @@ impl<'a> Solver<'a> {
         command: impl Fn(usize) -> (&'c Joints, &'c Joints) + Sync,
         near: impl Fn(usize) -> WarmStart + Sync,
     ) -> Vec<Result<PredictedPose, EquilibriumError>> {
-        let many = |room: &mut Room<'a>, indices: &[usize], mut out: Answers<'_, _>| {
+        let many = |room: &mut Room<'a>, indices: &[usize]| {
             let given = |lane: usize| {
                 let i = indices[lane];
                 let (motor, travel) = command(i);
                 Given { site: self.prepared.site(i), motor, travel, near: near(i) }
             };
-            self.many.land(room, indices.len(), given, |lane, predicted| out.put(lane, Ok(predicted)));
+            self.many.land(room, indices.len(), given);
         };
+        let answer = |room: &Room<'a>, lane: Lane| room.landed(lane.number).map(Ok);
         let known = |i: usize| self.prepared.points[i].unsolved.is_none();
-        let one = |_: &mut Room<'a>, i: usize| {
-            if known(i) { self.land(i, command(i), near(i)) } else { Answer::open() }
-        };
+        let one = |i: usize| if known(i) { self.land(i, command(i), near(i)) } else { Err(UNSOLVED) };
         let simple = |i: usize| known(i) && !self.prepared.setting(i).held;
-        self.parallelism.for_each_batch(self.prepared.points.len(), simple, &self.workspaces, many, one)
+        self.parallelism.for_each_batch(self.prepared.points.len(), simple, &self.workspaces, many, answer, one)
     }
 
     /// The motor angles of the controller for the written numbers, near the commands.
@@ -225,9 +221,9 @@ impl<'a> Solver<'a> {
         is_changed: &[bool],
     ) -> Vec<Result<Reached, EquilibriumError>> {
         let (robot, points) = (BatchArm::of(&self.arm.robot), &self.prepared.points);
-        let many = |room: &mut Room<'a>, indices: &[usize], mut out: Answers<'_, _>| {
-            // The branch is that of the actual angles, which differ by the deflection.
-            let near = |i: usize| first[i].aim().map_or(&points[i].motor, |aim| &aim.motor);
+        // The branch is that of the actual angles, which differ by the deflection.
+        let near = |i: usize| first[i].aim().map_or(&points[i].motor, |aim| &aim.motor);
+        let many = |room: &mut Room<'a>, indices: &[usize]| {
             let place = |lane: usize| {
                 let i = indices[lane];
                 let setting = self.prepared.setting(i);
@@ -242,14 +238,13 @@ impl<'a> Solver<'a> {
             if let Some(robot) = &robot {
                 robot.find(indices.len(), place, &mut room.found);
                 room.found.turn_from(indices.len(), |lane| &points[indices[lane]].wobj_from_tcp.rotation);
-                for (lane, i) in indices.iter().enumerate() {
-                    if let Some(motor) = room.found.nearest(lane, near(*i)) {
-                        out.put(lane, Ok(Reached { motor, turn: room.found.turn(lane) }));
-                    }
-                }
             }
         };
-        let one = |_: &mut Room<'a>, i: usize| {
+        let answer = |room: &Room<'a>, lane: Lane| {
+            let motor = room.found.nearest(lane.number, near(lane.index)).filter(|_| robot.is_some())?;
+            Some(Ok(Reached { motor, turn: room.found.turn(lane.number) }))
+        };
+        let one = |i: usize| {
             if !is_changed[i] {
                 return Ok(Reached { motor: points[i].motor, turn: Vector3::zeros() });
             }
@@ -264,12 +259,16 @@ impl<'a> Solver<'a> {
             let held = self.prepared.setting(i).held;
             is_changed[i] && modes[i] == CorrectionMode::Pose && first[i].aim().is_ok() && !held
         };
-        self.parallelism.for_each_batch(written.len(), simple, &self.workspaces, many, one)
+        self.parallelism.for_each_batch(written.len(), simple, &self.workspaces, many, answer, one)
     }
 }
 
 /// Travel of the **corrected** motion, in order: lost motion is added in the direction of travel, and the travel follows from the commands.
+/// Without lost motion it has no effect, and stays that of the programmed motion.
 pub(super) fn settle_travel(arm: &Arm, prepared: &Prepared, first: &[First], last: &mut Last) -> Vec<Joints> {
+    if !arm.follows_travel() {
+        return prepared.points.iter().map(|point| point.travel).collect();
+    }
     first
         .iter()
         .zip(&prepared.points)

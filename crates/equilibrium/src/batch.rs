@@ -37,6 +37,17 @@ pub struct Given<'a, 'b> {
     pub near: WarmStart,
 }
 
+/// The results of [`Batch::aim`] for a target.
+#[doc(hidden)]
+pub struct Aimed {
+    /// The command ([`Arm::command_from`]).
+    pub aim: InverseSolution,
+    /// The TCP of the nominal arm in the work object at the command; `None` if the command depends on the travel.
+    pub nominal: Option<Pose>,
+    /// The pose of the loaded arm without a correction ([`Arm::land`]).
+    pub uncorrected: PredictedPose,
+}
+
 /// A command and an equilibrium of a slightly different arm there, from which the solution starts.
 #[derive(Clone, Copy)]
 #[doc(hidden)]
@@ -122,17 +133,18 @@ impl PredictedPoses {
     fn predicted(&self, workspace: &Workspace<'_, Lanes>, lane: usize) -> Option<PredictedPose> {
         let forward = &workspace.forward;
         let finite = (self.shift.x.lane(lane) + self.shift.y.lane(lane) + self.shift.z.lane(lane)).is_finite();
-        (forward.done.lane(lane) && forward.close.lane(lane) && finite).then(|| {
-            let most = forward.most.lane(lane);
-            PredictedPose {
-                shift: self.shift.lane(lane),
-                turn: turn_of(lane, (&self.turn, self.small), &workspace.block.wanted, &self.seen),
-                axis: -self.seen.z.lane(lane),
-                cut: self.cut.lane(lane),
-                part: self.has_part.then(|| forward.under.part.lane(lane).norm()),
-                mixing: forward.mixing.lane(lane),
-                gain: if most > 0.0 { most } else { 1.0 },
-            }
+        if !(forward.done.lane(lane) && forward.close.lane(lane) && finite) {
+            return None;
+        }
+        let most = forward.most.lane(lane);
+        Some(PredictedPose {
+            shift: self.shift.lane(lane),
+            turn: turn_of(lane, (&self.turn, self.small), &workspace.block.wanted, &self.seen),
+            axis: -self.seen.z.lane(lane),
+            cut: self.cut.lane(lane),
+            part: self.has_part.then(|| forward.under.part.lane(lane).norm()),
+            mixing: forward.mixing.lane(lane),
+            gain: if most > 0.0 { most } else { 1.0 },
         })
     }
 }
@@ -143,14 +155,12 @@ impl<'a> Batch<'a> {
     }
 
     /// Solves up to eight targets. `wanted` gives the site of a lane, the motor angles (rad) of the nominal arm there, and the direction of
-    /// travel. `put` receives, for each lane that converges, the command ([`Arm::command_from`]), the TCP of the nominal arm at the
-    /// command (unless it depends on the travel), and the pose of the loaded arm without a correction ([`Arm::land`]).
+    /// travel. [`Room::aimed`] has the results.
     pub fn aim<'s, 'm>(
         &self,
         room: &mut Room<'s>,
         count: usize,
         wanted: impl Fn(usize) -> (Site<'s>, &'m Joints, &'m Joints),
-        mut put: impl FnMut(usize, InverseSolution, Option<Pose>, PredictedPose),
     ) {
         for lane in 0..count {
             let (site, at, travel) = wanted(lane);
@@ -158,28 +168,12 @@ impl<'a> Batch<'a> {
             set(&mut room.at, lane, at);
             set(&mut room.workspace.inverse.travel, lane, travel);
         }
-        let valid = self.solve_commands(room, count);
-        let Room { workspace, feedback, nominal, predicted_poses, .. } = room;
-        let inverse = &workspace.inverse;
-        for lane in 0..count {
-            let lost = one(&inverse.lost, lane);
-            let feedback = Feedback {
-                under: one(&inverse.under.joints, lane),
-                yielding: one(&feedback.yielding, lane),
-                mixing: feedback.mixing.lane(lane),
-                lift: feedback.lift.lane(lane),
-            };
-            let (motor, free) = (one(&inverse.motor, lane), one(&inverse.free, lane));
-            if let Some(predicted) = predicted_poses.predicted(workspace, lane).filter(|_| valid.lane(lane)) {
-                let nominal = (lost == Joints::zeros()).then(|| nominal.lane(lane));
-                put(lane, InverseSolution { motor, free, lost, feedback }, nominal, predicted);
-            }
-        }
+        self.solve_commands(room, count);
     }
 
-    /// The computation of [`Batch::aim`], and the lanes that have a command. Like those of the other public functions, it has no type
-    /// parameters: it is compiled here alone, and not again in each crate that gives closures.
-    fn solve_commands(&self, room: &mut Room<'_>, count: usize) -> LaneMask {
+    /// The computation of [`Batch::aim`]. Like those of the other public functions, it has no type parameters: it is compiled here alone,
+    /// and not again in each crate that gives closures.
+    fn solve_commands(&self, room: &mut Room<'_>, count: usize) {
         let model = &self.model;
         let Room { workspace, at: nominal_motor, feedback, nominal, predicted_poses, .. } = room;
         let Workspace { block, at, forward, inverse } = workspace;
@@ -231,29 +225,16 @@ impl<'a> Batch<'a> {
         forward.begin(model, block, at);
         forward.run(model, block, at, (valid, BATCH_ROUNDS, PRINTED));
         predicted_poses.take(model, workspace);
-        valid
     }
 
-    /// The TCP of the nominal arm in the work object, for up to eight motor angles (rad); lanes for which `given` returns `None` are skipped.
-    pub fn nominal<'s>(
-        &self,
-        room: &mut Room<'s>,
-        count: usize,
-        given: impl Fn(usize) -> Option<(&'s Setting, Joints)>,
-        mut put: impl FnMut(usize, Joints, Pose),
-    ) {
-        let mut known = [false; WIDTH];
+    /// Computes the TCP of the nominal arm in the work object, for up to eight motor angles (rad). [`Room::nominal`] has the results.
+    pub fn nominal<'s>(&self, room: &mut Room<'s>, count: usize, given: impl Fn(usize) -> (&'s Setting, Joints)) {
         for lane in 0..count {
-            if let Some((setting, motor)) = given(lane) {
-                room.workspace.block.set_setting(lane, setting);
-                set(&mut room.at, lane, &motor);
-                known[lane] = true;
-            }
+            let (setting, motor) = given(lane);
+            room.workspace.block.set_setting(lane, setting);
+            set(&mut room.at, lane, &motor);
         }
         self.place_nominal(room);
-        for lane in (0..count).filter(|lane| known[*lane]) {
-            put(lane, one(&room.at, lane), room.nominal.lane(lane));
-        }
     }
 
     /// The computation of [`Batch::nominal`].
@@ -269,14 +250,8 @@ impl<'a> Batch<'a> {
         });
     }
 
-    /// [`Arm::land`] for up to eight commands; `put` receives those that converge.
-    pub fn land<'s, 'm>(
-        &self,
-        room: &mut Room<'s>,
-        count: usize,
-        given: impl Fn(usize) -> Given<'s, 'm>,
-        mut put: impl FnMut(usize, PredictedPose),
-    ) {
+    /// [`Arm::land`] for up to eight commands. [`Room::landed`] has the results.
+    pub fn land<'s, 'm>(&self, room: &mut Room<'s>, count: usize, given: impl Fn(usize) -> Given<'s, 'm>) {
         let Workspace { block, forward, .. } = &mut room.workspace;
         forward.under.clear(self.model.parts);
         for lane in 0..count {
@@ -291,11 +266,6 @@ impl<'a> Batch<'a> {
         }
         self.settle_from(room, count, BATCH_ROUNDS, PRINTED);
         room.predicted_poses.take(&self.model, &mut room.workspace);
-        for lane in 0..count {
-            if let Some(predicted) = room.predicted_poses.predicted(&room.workspace, lane) {
-                put(lane, predicted);
-            }
-        }
     }
 
     /// Solves the commands of the first `count` lanes from the deflections that the room has, in at most `most` iterations.
@@ -365,6 +335,39 @@ impl<'a> Batch<'a> {
 }
 
 impl<'a> Room<'a> {
+    /// The results of [`Batch::aim`] for a lane; `None` if it did not converge.
+    #[inline(always)]
+    pub fn aimed(&self, lane: usize) -> Option<Aimed> {
+        let Self { workspace, feedback, nominal, .. } = self;
+        let inverse = &workspace.inverse;
+        let uncorrected = self.landed(lane).filter(|_| inverse.done.lane(lane))?;
+        let lost = one(&inverse.lost, lane);
+        let feedback = Feedback {
+            under: one(&inverse.under.joints, lane),
+            yielding: one(&feedback.yielding, lane),
+            mixing: feedback.mixing.lane(lane),
+            lift: feedback.lift.lane(lane),
+        };
+        let (motor, free) = (one(&inverse.motor, lane), one(&inverse.free, lane));
+        Some(Aimed {
+            aim: InverseSolution { motor, free, lost, feedback },
+            nominal: (lost == Joints::zeros()).then(|| nominal.lane(lane)),
+            uncorrected,
+        })
+    }
+
+    /// Motor angles (rad) and TCP of [`Batch::nominal`] for a lane.
+    #[inline(always)]
+    pub fn nominal(&self, lane: usize) -> (Joints, Pose) {
+        (one(&self.at, lane), self.nominal.lane(lane))
+    }
+
+    /// The pose of [`Batch::land`] for a lane; `None` if it did not converge.
+    #[inline(always)]
+    pub fn landed(&self, lane: usize) -> Option<PredictedPose> {
+        self.predicted_poses.predicted(&self.workspace, lane)
+    }
+
     /// Sets up to eight commands with known equilibria of another arm. Any number of arms can then be solved with
     /// [`Batch::resolve_from_nearby`].
     pub fn near(&mut self, near: &[Nearby<'a, '_>]) {

@@ -22,7 +22,7 @@ mod number;
 mod predict;
 
 pub use arm::Arm;
-pub use batch::{Batch, Given, Nearby, Room, Settled};
+pub use batch::{Aimed, Batch, Given, Nearby, Room, Settled};
 pub use block::{Setting, Site};
 pub use command::{Command, InverseSolution, Start};
 pub use friction::{Dragged, Settling, TRAVEL_THRESHOLD, direction};

@@ -4,7 +4,7 @@
 use super::closed_form::ClosedForm;
 use super::kinematics::{Six, one, set};
 use super::{Joints, Pose, Robot, turn_between, turns_between};
-use deflex_lanes::{Frame, LaneMask, Lanes, Mask, ROUND, Real, SinCos, Vector, six, widest};
+use deflex_lanes::{Frame, LaneMask, Lanes, Mask, ROUND, Real, SinCos, Vector, WIDTH, six, widest};
 use nalgebra::{Rotation3, Vector3};
 use std::f64::consts::{FRAC_PI_4, TAU};
 
@@ -46,6 +46,8 @@ pub struct BatchSolutions {
     pub wobj_from_tcp: Frame,
     /// Motor angles that reach this pose, rad.
     motor: Six<Lanes>,
+    /// The same, target by target: separated at once, so that none is read right after it was written to memory.
+    motors: [Joints; WIDTH],
     /// Squared distance, rad², within which these motor angles are certainly the nearest solution; 0 if the scalar inverse has to decide.
     reach: Lanes,
     from: Frame,
@@ -81,6 +83,12 @@ impl BatchSolutions {
         (self.motor, self.reach) = robot.inverse(&base_from_flange, &self.near);
     }
 
+    fn separate(&mut self) {
+        for (lane, motor) in self.motors.iter_mut().enumerate() {
+            *motor = one(&self.motor, lane);
+        }
+    }
+
     /// Computes the rotations of the targets relative to orientations in the work object.
     pub fn turn_from<'p>(&mut self, count: usize, from: impl Fn(usize) -> &'p Rotation3<f64>) {
         for lane in 0..count {
@@ -105,8 +113,8 @@ impl BatchSolutions {
 
     /// The motor angles of a target; `None` unless they are certainly the solution nearest to the given ones, rad.
     pub fn nearest(&self, lane: usize, near: &Joints) -> Option<Joints> {
-        let motor = one(&self.motor, lane);
-        ((motor - near).norm_squared() < self.reach.lane(lane)).then_some(motor)
+        let motor = &self.motors[lane];
+        ((motor - near).norm_squared() < self.reach.lane(lane)).then_some(*motor)
     }
 }
 
@@ -149,6 +157,7 @@ impl<'a> BatchArm<'a> {
             found.wobj_from_tcp = Frame::of_quaternion(found.position_mm * Lanes::of(1e-3), found.quat);
             found.inverse(robot);
         });
+        found.separate();
     }
 
     /// Solves targets whose poses are known, in one work object, with one tool, and near the same motor angles (rad).
@@ -163,6 +172,7 @@ impl<'a> BatchArm<'a> {
         widest!(<'a> (robot: &'a BatchArm<'a> = self, found: &'a mut BatchSolutions = found) {
             found.inverse(robot);
         });
+        found.separate();
     }
 
     /// Motor angles that reach flange poses in the branch of the angles `near`, rad, and the lanes in which they are
@@ -261,7 +271,6 @@ impl<'a> BatchArm<'a> {
 mod tests {
     use super::*;
     use crate::BUILTIN;
-    use deflex_lanes::WIDTH;
     use nalgebra::Translation3;
     use proptest::prelude::*;
 

@@ -58,7 +58,18 @@ impl<const BLOCKS: usize> Row<BLOCKS> {
     /// Finds the digits of all numbers. Returns false if [`write_fixed`](super::write_fixed) has to convert one of
     /// them.
     pub fn read(&self, values: &[[f64; SIDE]; BLOCKS], digits: &mut [Digits; BLOCKS]) -> bool {
-        (0..BLOCKS).all(|block| self.scales[block].read(&values[block], &mut digits[block]))
+        let mut valid = [false; BLOCKS];
+        widest!(<'a>(
+            scales: &'a [Scale] = &self.scales,
+            values: &'a [[f64; SIDE]] = values,
+            digits: &'a mut [Digits] = digits,
+            valid: &'a mut [bool] = &mut valid,
+        ) {
+            for (((scale, values), digits), valid) in scales.iter().zip(values).zip(digits).zip(valid) {
+                (*digits, *valid) = scale.eight(*values);
+            }
+        });
+        (0..BLOCKS).all(|block| valid[block] || self.scales[block].nine_digits(&values[block], &mut digits[block]))
     }
 }
 
@@ -88,24 +99,17 @@ impl Scale {
         self.marks[i] = b'.' as u64 | (b',' as u64).unbounded_shl(8 * (decimals as u32 + 1));
     }
 
-    /// Finds the digits. Returns false if a number needs [`write_fixed`](super::write_fixed).
-    #[inline]
-    fn read(&self, values: &[f64; SIDE], digits: &mut Digits) -> bool {
-        self.look(false, values, digits) || self.look(true, values, digits)
-    }
-
-    /// Finds the digits of numbers with at most eight digits, or nine if `nine` is set.
-    #[inline]
-    fn look(&self, nine: bool, values: &[f64; SIDE], digits: &mut Digits) -> bool {
+    /// Finds the digits of numbers with at most nine digits, which few numbers have. Returns false if a number needs
+    /// [`write_fixed`](super::write_fixed).
+    fn nine_digits(&self, values: &[f64; SIDE], digits: &mut Digits) -> bool {
         let mut valid = false;
         widest!(<'a>(
             scale: &'a Scale = self,
-            nine: bool = nine,
             values: &'a [f64; SIDE] = values,
             digits: &'a mut Digits = digits,
             valid: &'a mut bool = &mut valid,
         ) {
-            (*digits, *valid) = if nine { scale.nine(*values) } else { scale.eight(*values) };
+            (*digits, *valid) = scale.nine(*values);
         });
         valid
     }
@@ -296,9 +300,15 @@ impl Numbers {
     /// Finds the digits. Returns false if [`Fixed`] has to convert one of the numbers.
     #[inline]
     pub fn print(&self, values: &[f64; SIDE], printed: &mut Printed) -> bool {
-        let valid = self.scale.read(values, &mut printed.digits);
+        let mut valid = false;
         printed.decimals = self.decimals;
-        widest!(<'a>(numbers: &'a Numbers = self, values: &'a [f64; SIDE] = values, printed: &'a mut Printed = printed) {
+        widest!(<'a>(
+            numbers: &'a Numbers = self,
+            values: &'a [f64; SIDE] = values,
+            printed: &'a mut Printed = printed,
+            valid: &'a mut bool = &mut valid,
+        ) {
+            (printed.digits, *valid) = numbers.scale.eight(*values);
             let (number, _) = numbers.scale.rounded(*values);
             let minus = minus(*values, number);
             let size = zip(number, numbers.scale.tens, |number, ten| number / ten);
@@ -308,7 +318,7 @@ impl Numbers {
             printed.values = zip(size, minus, signed);
             printed.held = zip(held, minus, signed);
         });
-        valid
+        valid || self.scale.nine_digits(values, &mut printed.digits)
     }
 }
 
