@@ -77,8 +77,8 @@ fn syntax(source: &Source, error: &toml::de::Error) -> Diagnostic {
         _ if message.starts_with("invalid type: string") && message.contains("f64") => {
             (in_words(message), "write the number without quotes".to_owned())
         }
-        _ if said.starts_with("invalid length") => {
-            (in_words(said), "give one value for each; lists of six have one value for each joint".to_owned())
+        _ if message.starts_with("invalid length") => {
+            (in_words(message), "give one value for each; lists of six have one value for each joint".to_owned())
         }
         _ => {
             let help = "decimals take a point, text stands in quotes; `deflex init --robot MODEL` prints a whole cell";
