@@ -3,6 +3,7 @@
 use super::value::{OffsetStep, rotate, unit};
 use super::writer::{Pose, Print, Writer};
 use super::{Layout, Offset, TargetInText, clone, insert, own};
+use crate::shared::agreed;
 use crate::token::{New, signed, single};
 use crate::{Change, Editable, Goal, Insert, NO_TURN, Program, Reason, RewriteOptions, Rewritten, Role};
 use deflex_lang::ir::SourceSpan;
@@ -56,7 +57,11 @@ pub(super) fn rewrite_agreed(
     inserts: &[Insert],
     options: &RewriteOptions,
 ) -> Rewritten {
-    rewrite_settled(program, layout, changes, inserts, options).0
+    let literal = |i: usize| match layout.sites[i] {
+        TargetInText::Literal { literal, .. } => Some(literal),
+        _ => None,
+    };
+    rewrite_settled(program, layout, &agreed(changes, literal), inserts, options).0
 }
 
 /// [`rewrite_agreed`], with the new literals and offsets.
