@@ -78,7 +78,13 @@ pub(super) fn tools(
     }
     let mut errors = Vec::new();
     let tools = program.tools.iter().enumerate().map(|(i, tool)| {
-        let frame = tool.data.as_ref().map(tool_frame).or_else(|| find(&tool.name));
+        let own = tool.data.as_ref().map(tool_frame);
+        let frame = match own.zip(find(&tool.name)) {
+            Some((own, of_cell)) if !program.language.about().states_load => {
+                Some(ToolFrame { flange_from_tcp: own.flange_from_tcp, ..of_cell })
+            }
+            _ => own.or_else(|| find(&tool.name)),
+        };
         if frame.is_none() {
             let first = first_use(program, |target| usize::from(target.tool) == i);
             errors.extend(first.map(|target| {

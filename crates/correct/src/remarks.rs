@@ -7,7 +7,7 @@ use super::laws::Laws;
 use super::messages::Repeated;
 use super::{KeptReason, Prepared};
 use deflex_effects::Need;
-use deflex_program::{Language, Mark, Predecessor, Target};
+use deflex_program::{Language, Mark, Predecessor, Target, Tool};
 use deflex_robot::StartedFrom;
 use deflex_text::{Diagnostic, Severity, Span};
 
@@ -29,6 +29,14 @@ fn notes_of_all(Context { program, cell, .. }: Context<'_>, prepared: &Prepared)
         );
         let said = program.error_at(first, "robot.start", how).severity(Severity::Note);
         notes.push(said.help("give `[robot] start_deg` in the cell"));
+    }
+    if !program.language.about().states_load && cell.arm.weighs_payload() {
+        let is_light = |tool: &&Tool| tool.data.is_some() && !cell.tools.contains_key(&tool.name.to_ascii_uppercase());
+        notes.extend(program.tools.iter().filter(is_light).map(|tool| {
+            let message = format!("the program does not say the mass of `{}`: taken as 0 kg", tool.name);
+            let note = Diagnostic::error("program.no-mass", "", message).severity(Severity::Note);
+            note.help(format!("declare `[tools.\"{}\"]` with its mass in the cell", tool.name))
+        }));
     }
     for kind in &cell.controller.left_out {
         let message = format!("effect `{kind}` is left out: the controller corrects it (`[controller] compensates`)");

@@ -206,6 +206,7 @@ reasons! {
     DisplacementActive = "program displacement is active",
     DisplacementUnknown = "program displacement is known only at run time",
     SoftServoActive = "soft servo is active: the axes yield",
+    NearestUnknown = "whether a joint motion goes to the nearest configuration (ConfJ) is known only at run time",
     SoftServoUnknown = "soft servo is known only at run time",
     Softfloat = "axes yield at run time (SOFTFLOAT)",
     Tracking = "path is moved at run time (tracking)",

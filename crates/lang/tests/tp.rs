@@ -2,7 +2,7 @@
 
 use deflex_lang::dialect::Dialect;
 use deflex_lang::run::{Outcome, Predecessor, run};
-use deflex_lang::tp::{Calls, Code, Frame, Held, lines, lower};
+use deflex_lang::tp::{Calls, Code, Defined, Frame, Held, lines, lower};
 use deflex_lang::{Reason, Span};
 
 /// Runs statements, a line each, of a program with positions 1 to 4; programs that are given are called by their names.
@@ -99,7 +99,8 @@ fn selections_and_frames_hold_until_something_may_change_them() {
     let held = |between: &str, given: &[&str]| {
         let outcome = outcome(&format!("UFRAME_NUM=2\nUTOOL_NUM=R[1]\n{between}\nL P[1] 5mm/sec FINE"), given);
         let held = Held(&outcome.motions[0]);
-        (held.selected(Frame::User), held.is_redefined(Frame::User, 2), held.is_redefined(Frame::Tool, 1))
+        let is_set = |frame, number| held.defined(frame, number) != Defined::InCell;
+        (held.selected(Frame::User), is_set(Frame::User, 2), is_set(Frame::Tool, 1))
     };
     assert_eq!(held("DO[1]=ON", &[]), (Some(2), false, false));
     assert_eq!(held("UFRAME[3]=PR[1]", &[]), (Some(2), false, false));

@@ -70,6 +70,8 @@ pub struct About {
     pub companion: Option<&'static str>,
     /// Whether every point has a name of its own.
     pub(super) are_points_named: bool,
+    /// Whether a program that states the frame of a tool states its load too. If not, the load is that of the cell.
+    pub states_load: bool,
     /// How its controllers turn the tool on arcs, if the program does not state it.
     pub arc_turn: ArcTurn,
     /// Whether the orientation of a circle point chooses between the shorter and the longer turn on an arc, if the controller does not use
@@ -173,6 +175,7 @@ static RAPID: About = About {
     has_modules: true,
     companion: None,
     are_points_named: false,
+    states_load: true,
     // RAPID reference manual, CirPathMode: `\PathFrame` is the default. An IRB 6640 turns so to 0.01° (logs `movec_30_car` and
     // `movec_30_ori` in `realrobot` of github.com/hehonglu123/ABB_Primitive_Study).
     arc_turn: ArcTurn::WithPath,
@@ -204,6 +207,7 @@ static CL: About = About {
     has_modules: false,
     companion: None,
     are_points_named: false,
+    states_load: true,
     arc_turn: ArcTurn::Even,
     chooses_turn: false,
     chooses_external: true,
@@ -230,6 +234,7 @@ static KRL: About = About {
     has_modules: true,
     companion: Some("dat"),
     are_points_named: false,
+    states_load: true,
     arc_turn: ArcTurn::Even,
     chooses_turn: false,
     chooses_external: false,
@@ -255,6 +260,7 @@ static TP: About = About {
     has_modules: false,
     companion: None,
     are_points_named: true,
+    states_load: false,
     arc_turn: ArcTurn::Even,
     chooses_turn: false,
     chooses_external: false,
@@ -283,6 +289,7 @@ static UR: About = About {
     has_modules: false,
     companion: None,
     are_points_named: false,
+    states_load: true,
     arc_turn: ArcTurn::Even,
     chooses_turn: false,
     chooses_external: false,
@@ -308,6 +315,7 @@ static JBI: About = About {
     has_modules: false,
     companion: None,
     are_points_named: false,
+    states_load: true,
     // Assumed: every MOVC is a step of its own, which the robot reaches with the recorded orientation.
     arc_turn: ArcTurn::ThroughCirclePoint,
     chooses_turn: false,

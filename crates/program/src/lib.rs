@@ -28,6 +28,7 @@ pub mod orientation;
 pub mod post;
 pub mod rapid;
 mod round_trip;
+mod shared;
 mod target;
 pub(crate) mod token;
 pub mod tp;

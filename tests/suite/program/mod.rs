@@ -6,7 +6,7 @@ mod cl;
 mod cl_corpus;
 mod cl_sound;
 mod cl_written;
-
+mod everyday;
 mod harmless;
 mod jbi;
 mod krl;

@@ -120,6 +120,71 @@ const HARD: &[Hard] = &[
         ..PLAIN
     },
     Hard {
+        what: "the same by a register with an element that the program does not set",
+        statements: "PR[9,1]=1\nPR[9,2]=2\nPR[9,3]=3\nPR[9,4]=0\nPR[9,5]=0\nUFRAME[1]=PR[9]\nL P[1] 10mm/sec FINE",
+        kept: &[(7, REDEFINED)],
+        ..PLAIN
+    },
+    Hard {
+        what: "the same where an input decides about an element",
+        statements: "PR[9]=LPOS-LPOS\nIF DI[1]=ON,PR[9,3]=5\nUFRAME[1]=PR[9]\nL P[1] 10mm/sec FINE",
+        kept: &[(4, REDEFINED)],
+        ..PLAIN
+    },
+    Hard {
+        what: "the same from a register that may have axis angles",
+        statements: "PR[9]=JPOS\nPR[9]=PR[9]-PR[9]\nPR[9,3]=5\nUFRAME[1]=PR[9]\nL P[1] 10mm/sec FINE",
+        kept: &[(5, REDEFINED)],
+        ..PLAIN
+    },
+    Hard {
+        what: "a program that is not given may change a position register, but not a frame",
+        statements: "PR[9]=LPOS-LPOS\nCALL OTHER\nUFRAME[1]=PR[9]\nL P[1] 10mm/sec FINE\nPR[9]=LPOS-LPOS\nUFRAME[1]=PR[9]\nCALL OTHER\nL P[2] 10mm/sec FINE",
+        edited: &[2],
+        kept: &[(4, REDEFINED)],
+        ..PLAIN
+    },
+    Hard {
+        what: "a search stores a position on the way",
+        statements: "PR[9]=LPOS-LPOS\nL P[2] 10mm/sec FINE Skip,LBL[1],PR[9]=LPOS\nLBL[1]\nUFRAME[1]=PR[9]\nL P[1] 10mm/sec FINE",
+        kept: &[(2, "ends where a condition is met (Skip)"), (5, REDEFINED)],
+        ..PLAIN
+    },
+    Hard {
+        what: "a program in parallel may change a position register",
+        statements: "RUN WATCH\nPR[9]=LPOS-LPOS\nUFRAME[1]=PR[9]\nL P[1] 10mm/sec FINE",
+        kept: &[(4, REDEFINED)],
+        ..PLAIN
+    },
+    Hard {
+        what: "a frame set after any frame may have been set, and another one",
+        statements: "UFRAME[R[5]]=PR[3]\nPR[9]=LPOS-LPOS\nUFRAME[1]=PR[9]\nL P[1] 10mm/sec FINE\nL P[2] 10mm/sec FINE",
+        positions: &[(2, "GP1: UF : 2, UT : 1, X = 1 mm, Y = 1 mm, Z = 0 mm, W = 0 deg, P = 0 deg, R = 0 deg")],
+        edited: &[1],
+        kept: &[(5, REDEFINED)],
+        ..PLAIN
+    },
+    Hard {
+        what: "numbers of registers, elements and frames that registers hold; a comment with a comma",
+        statements: "R[1]=9\nPR[R[1]]=LPOS-LPOS\nR[2]=3\nPR[R[1],R[2]]=50\nPR[8:a,1]=LPOS\nR[3]=1\nUFRAME[R[3]]=PR[R[1]:x]\nL P[1] 10mm/sec FINE",
+        edited: &[1],
+        ..PLAIN
+    },
+    Hard {
+        what: "elements of another group and of external axes",
+        statements: "PR[9]=LPOS-LPOS\nPR[GP2:9,1]=5\nPR[9,7]=5\nUFRAME[GP1:1]=PR[GP1:9]\nL P[1] 10mm/sec FINE",
+        edited: &[1],
+        ..PLAIN
+    },
+    Hard {
+        what: "a motion to any position goes to one that was recorded in the selected frame",
+        statements: "UFRAME_NUM=2\nL P[R[1]] 10mm/sec FINE\nUFRAME_NUM=1\nL P[1] 10mm/sec FINE\nUFRAME_NUM=2\nL P[2] 10mm/sec FINE",
+        positions: &[(2, "GP1: UF : 2, UT : 1, X = 1 mm, Y = 1 mm, Z = 0 mm, W = 0 deg, P = 0 deg, R = 0 deg")],
+        edited: &[1],
+        kept: &[(2, ANY), (6, MAY_BE_ANY)],
+        ..PLAIN
+    },
+    Hard {
         what: "the same by a system variable, of whichever frame",
         statements: "L P[1] 10mm/sec FINE\n$MNUFRAME[1,1]=PR[3]\nL P[2] 10mm/sec FINE",
         kept: &[(1, REDEFINED), (3, REDEFINED)],
@@ -480,6 +545,35 @@ const HARD: &[Hard] = &[
 fn hard_programs_are_right_or_kept_with_a_reason() {
     assert!(HARD.len() >= 40);
     HARD.iter().for_each(|hard| drop(judge(hard)));
+}
+
+/// The turn of a user frame is that about the fixed axes x, y, z by W, P, R; each motion has the values that were set last.
+#[test]
+fn frames_have_the_values_of_the_position_register() {
+    let set = |numbers: [f64; 6], wanted: &str| {
+        let elements = (1..).zip(numbers).map(|(element, number)| format!("PR[9,{element}]={number:.3}\n"));
+        elements.collect::<String>() + wanted + "=PR[9]\n"
+    };
+    let statements = [
+        set([1150.0, -100.0, -250.5, 0.0, 0.0, 90.0], "UFRAME[1]"),
+        set([0.0, 0.0, 220.0, 180.0, 0.0, 0.0], "UTOOL[1]"),
+        "L P[1] 10mm/sec FINE\n".to_owned(),
+        set([1.0, 2.0, 3.0, 0.0, 0.0, 0.0], "UFRAME[1]"),
+        "L P[2] 10mm/sec FINE".to_owned(),
+    ]
+    .concat();
+    let kept: &[(usize, &str)] = &[];
+    let hard = Hard { what: "RoboDK", statements: statements.leak(), edited: &[1, 2], kept, ..PLAIN };
+    let program = judge(&hard);
+    let user = |target: usize| program.wobjs[usize::from(program.targets[target].wobj)].data.unwrap();
+    let is_near = |a: [f64; 4], b: [f64; 4]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    assert_eq!((user(0).uframe_mm, user(1).uframe_mm), ([1150.0, -100.0, -250.5], [1.0, 2.0, 3.0]));
+    assert!(is_near(user(0).uframe_quat, [half, 0.0, 0.0, half]) && is_near(user(1).uframe_quat, [1.0, 0.0, 0.0, 0.0]));
+    let tool = program.tools[usize::from(program.targets[1].tool)].data.unwrap();
+    assert_eq!(tool.tcp_mm, [0.0, 0.0, 220.0]);
+    assert!(is_near(tool.tcp_quat.map(f64::abs), [0.0, 1.0, 0.0, 0.0]));
+    assert_eq!(&*program.wobjs[0].name, "UF 1");
 }
 
 /// A program that is given with `--context` changes what it assigns and nothing else.

@@ -4,11 +4,11 @@
 //! (inputs, registers of others, programs that are called) falls as a generator of random numbers says. Whatever run it is,
 //! a position that deflex would edit must be gone to as deflex says, and by nothing else.
 
-use deflex::program::{Editable, Goal, Program, tp};
+use deflex::program::{Editable, Goal, Program, Wobj, tp};
 use deflex::text::Source;
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 #[derive(Clone, Debug)]
@@ -27,7 +27,12 @@ enum Op {
     Offset(u32),
     Increment(u32),
     Read(u32),
-    Redefine(u32),
+    /// Sets a user frame to a position register.
+    Redefine(u32, u32),
+    /// Sets all elements of a position register: this X, and W = 90 or 0.
+    Fill(u32, i32, bool),
+    /// Sets one element of a position register.
+    Element(u32, u32, i32),
     Call,
     /// Runs a program in parallel to this one.
     Beside,
@@ -91,10 +96,18 @@ fn flatten(ops: &[Op], lines: &mut Vec<(String, Does)>) {
             Op::Move(p) => plain(format!("L P[{p}] 10mm/sec FINE")),
             Op::Arc(p) => plain(format!("A P[{p}] 10mm/sec FINE")),
             Op::MoveTo(r) => plain(format!("L P[R[{r}]] 10mm/sec CNT50")),
-            Op::Offset(p) => plain(format!("L P[{p}] 10mm/sec FINE Offset,PR[1]")),
+            Op::Offset(p) => plain(format!("L P[{p}] 10mm/sec FINE Offset,PR[9]")),
             Op::Increment(p) => plain(format!("L P[{p}] 10mm/sec FINE INC")),
-            Op::Read(p) => plain(format!("PR[1]=P[{p}]")),
-            Op::Redefine(n) => plain(format!("UFRAME[{n}]=PR[2]")),
+            Op::Read(p) => plain(format!("PR[9]=P[{p}]")),
+            Op::Redefine(n, pr) => plain(format!("UFRAME[{n}]=PR[{pr}]")),
+            Op::Fill(pr, x, turned) => {
+                for (element, value) in (1..).zip([*x, 2, 3, 90 * i32::from(*turned), 0, 0]) {
+                    let text = format!("PR[{pr},{element}]={value}");
+                    lines.push((text, Does::Op(Op::Element(*pr, element, value))));
+                }
+                continue;
+            }
+            Op::Element(pr, element, value) => plain(format!("PR[{pr},{element}:e]=({value})")),
             Op::Call => plain("CALL OTHER(1,2)".into()),
             Op::Beside => plain("RUN WATCH".into()),
             Op::Label(l) => plain(format!("LBL[{l}:here]")),
@@ -170,7 +183,8 @@ struct Seen {
     position: u32,
     frame: u32,
     plain: bool,
-    redefined: bool,
+    /// The values of the user frame, if the program has set it.
+    redefined: Option<[i32; 6]>,
     before: Option<(usize, u32)>,
     increment: bool,
 }
@@ -181,7 +195,8 @@ struct Machine<'a> {
     registers: [i32; 10],
     frame: u32,
     tool: u32,
-    redefined: BTreeSet<u32>,
+    redefined: BTreeMap<u32, [i32; 6]>,
+    position_registers: [[i32; 6]; 3],
     beside: bool,
     last: [Option<i32>; 64],
     seen: Vec<Seen>,
@@ -204,6 +219,9 @@ impl Machine<'_> {
     fn others(&mut self) {
         for r in 1..5 {
             self.registers[r] = self.random(5) as i32;
+        }
+        for at in 0..18 {
+            self.position_registers[at / 6][at % 6] = self.random(5) as i32;
         }
         self.frame = 1 + self.random(u64::from(FRAMES)) as u32;
     }
@@ -244,7 +262,10 @@ impl Machine<'_> {
                             return;
                         }
                     }
-                    Op::Redefine(n) => drop(self.redefined.insert(n)),
+                    Op::Redefine(n, pr) => drop(self.redefined.insert(n, self.position_registers[pr as usize])),
+                    Op::Element(pr, element, value) => {
+                        self.position_registers[pr as usize][element as usize - 1] = value;
+                    }
                     Op::Call => self.others(),
                     Op::Beside => self.beside = true,
                     Op::Jump(l) => next = self.label(l),
@@ -302,7 +323,7 @@ impl Machine<'_> {
             position,
             frame: self.frame,
             plain: matches!(op, Op::Move(_) | Op::Arc(_)),
-            redefined: self.redefined.contains(&self.frame),
+            redefined: self.redefined.get(&self.frame).copied(),
             before: *before,
             increment: matches!(op, Op::Increment(_)),
         });
@@ -347,7 +368,8 @@ fn judge(lines: &[(String, Does)], seed: u64) -> Result<usize, TestCaseError> {
             registers: [0; 10],
             frame: 1,
             tool: 1,
-            redefined: BTreeSet::new(),
+            redefined: BTreeMap::new(),
+            position_registers: [[0; 6]; 3],
             beside: false,
             last: [None; 64],
             seen: Vec::new(),
@@ -356,18 +378,37 @@ fn judge(lines: &[(String, Does)], seed: u64) -> Result<usize, TestCaseError> {
             machine.registers[r] = machine.random(5) as i32;
         }
         machine.frame = 1 + machine.random(u64::from(FRAMES)) as u32;
+        for at in 0..18 {
+            machine.position_registers[at / 6][at % 6] = machine.random(5) as i32;
+        }
+        machine.run();
+        // The next cycle begins with the frames that this one leaves.
+        machine.beside = false;
         machine.run();
         for seen in &machine.seen {
             if edited.contains(&seen.position) {
-                prop_assert!(seen.plain && !seen.redefined, "{seen:?}\n{text}");
+                prop_assert!(seen.plain, "{seen:?}\n{text}");
                 let said = program.targets.iter().filter(|target| {
                     target.line as usize == seen.line + 4
                         && target.name.as_deref() == Some(&format!("P[{}]", seen.position))
                 });
-                let frames: Vec<&str> = said.map(|target| &*program.wobjs[target.wobj as usize].name).collect();
-                prop_assert!(!frames.is_empty(), "no target for {seen:?}\n{text}");
+                let wobjs: Vec<&Wobj> = said.map(|target| &program.wobjs[target.wobj as usize]).collect();
+                prop_assert!(!wobjs.is_empty(), "no target for {seen:?}\n{text}");
                 let wanted = format!("UF {}", seen.frame);
-                prop_assert!(frames.iter().any(|frame| *frame == wanted), "{seen:?} {frames:?}\n{text}");
+                let is_so = |wobj: &Wobj| match (seen.redefined, &wobj.data) {
+                    (None, None) => true,
+                    (Some([x, y, z, w, 0, 0]), Some(data)) => {
+                        let half = f64::from(w).to_radians() / 2.0;
+                        let turn = [half.cos(), half.sin(), 0.0, 0.0];
+                        data.uframe_mm == [x, y, z].map(f64::from)
+                            && data.uframe_quat.iter().zip(turn).all(|(a, b)| (a - b).abs() < 1e-9)
+                    }
+                    _ => false,
+                };
+                prop_assert!(
+                    wobjs.iter().any(|wobj| *wobj.name == *wanted && is_so(wobj)),
+                    "{seen:?} {wobjs:?}\n{text}"
+                );
             }
             if let (true, Some((_, position))) = (seen.increment, seen.before) {
                 prop_assert!(!edited.contains(&position), "counted on from P[{position}]\n{text}");
@@ -393,7 +434,9 @@ fn op() -> impl Strategy<Value = Op> {
         1 => p.clone().prop_map(Op::Offset),
         1 => p.clone().prop_map(Op::Increment),
         1 => p.prop_map(Op::Read),
-        1 => f.prop_map(Op::Redefine),
+        1 => (f, 1..3_u32).prop_map(|(n, pr)| Op::Redefine(n, pr)),
+        2 => (1..3_u32, 1..3, any::<bool>()).prop_map(|(pr, x, turned)| Op::Fill(pr, x, turned)),
+        1 => (1..3_u32, 1..4_u32, 0..4).prop_map(|(pr, element, value)| Op::Element(pr, element, value)),
         1 => Just(Op::Call),
         1 => Just(Op::Beside),
         2 => l.clone().prop_map(Op::Label),

@@ -1,7 +1,7 @@
 //! The possible effects of statements, and of the programs that they call, in any order.
 
 use super::expression;
-use super::statement::{self, Frame, StatementKind};
+use super::statement::{self, Frame, StatementKind, Whole};
 use crate::reason::Reason;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,6 +14,10 @@ pub(super) enum Effect {
     Select(Frame),
     /// Sets the values of a user frame or a tool.
     Redefine(Frame, Option<u32>),
+    /// Sets elements of a position register.
+    Elements(Option<u32>),
+    /// Gives a position register axis angles, perhaps.
+    Axes(Option<u32>),
     /// Shifts paths at run time from here on.
     Displace(Reason),
     /// Runs something in parallel from here on.
@@ -28,8 +32,13 @@ pub(super) type Effects = BTreeSet<Effect>;
 
 /// The effects of a program that is not given. It does not change the values of frames and tools, because those of the cell are what the
 /// controller has (`docs/soundness.md`).
-pub(super) const NOT_GIVEN: [Effect; 4] =
-    [Effect::Register(None), Effect::Select(Frame::User), Effect::Select(Frame::Tool), Effect::Moves];
+pub(super) const NOT_GIVEN: [Effect; 5] = [
+    Effect::Register(None),
+    Effect::Elements(None),
+    Effect::Select(Frame::User),
+    Effect::Select(Frame::Tool),
+    Effect::Moves,
+];
 
 /// The programs that are given, by name.
 ///
@@ -84,7 +93,13 @@ pub(super) fn effects(kind: &StatementKind<'_>) -> Vec<Effect> {
             vec![Effect::Register(expression::count(register))]
         }
         StatementKind::Select(frame, _) => vec![Effect::Select(*frame)],
-        StatementKind::Redefine(frame, index) => vec![Effect::Redefine(*frame, expression::count(index))],
+        StatementKind::Redefine(frame, index, _) => vec![Effect::Redefine(*frame, expression::count(index))],
+        StatementKind::Element(register, ..) => vec![Effect::Elements(expression::count(register))],
+        StatementKind::PositionRegister(register, from) => {
+            let register = expression::count(register);
+            let axes = (*from == Whole::Unknown).then_some(Effect::Axes(register));
+            axes.into_iter().chain([Effect::Elements(register)]).collect()
+        }
         StatementKind::RedefineAny => {
             let of = |frame| [Effect::Select(frame), Effect::Redefine(frame, None)];
             [Frame::User, Frame::Tool].into_iter().flat_map(of).collect()
@@ -93,7 +108,9 @@ pub(super) fn effects(kind: &StatementKind<'_>) -> Vec<Effect> {
         StatementKind::Concurrent(_) => vec![Effect::Concurrent],
         StatementKind::Motion(motion) => {
             let concurrent = motion.runs_others.then_some(Effect::Concurrent);
-            concurrent.into_iter().chain([Effect::Moves]).collect()
+            // `Skip,LBL[1],PR[5]=JPOS`
+            let stored = motion.skip.map(|_| [Effect::Elements(None), Effect::Axes(None)]);
+            concurrent.into_iter().chain(stored.into_iter().flatten()).chain([Effect::Moves]).collect()
         }
         StatementKind::Displace(why) => vec![Effect::Displace(*why)],
         _ => statement::guarded_by(kind).map_or_else(Vec::new, |guarded| effects(&guarded)),

@@ -1,11 +1,11 @@
 //! Lowers statements to the intermediate representation.
 
 use super::code::Code;
-use super::effects::{Calls, Effect};
+use super::effects::{self, Calls, Effect};
 use super::expression::{self, condition, expression};
 use super::motion::{Motion, Point, Speed};
-use super::statement::{self, Frame, StatementKind as Written};
-use super::{ANY, CONCURRENT, FRAMES, POSITIONS, STANDS, Tp, builtin};
+use super::statement::{self, Frame, StatementKind as Written, Whole};
+use super::{ANY, CONCURRENT, ELEMENTS, FRAMES, POSITIONS, STANDS, Tp, builtin};
 use crate::Span;
 use crate::ir::{
     self, Argument, Binary, Callee, Expression, ExpressionKind as Is, Function, FunctionId, Program, Slot, SourceSpan,
@@ -14,12 +14,15 @@ use crate::ir::{
 use crate::reason::Reason;
 use crate::run::{self, Moved};
 use crate::value::{Content, Value, is_whole};
+use nalgebra::Isometry3;
 use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
 /// Number of registers that are followed if the text computes their numbers: as many as a controller has by default.
 const REGISTERS: u32 = 200;
+/// The same for position registers.
+const POSITION_REGISTERS: u32 = 100;
 /// The same for user frames and for tools, including number 0.
 const NUMBERED: u32 = 11;
 /// Larger numbers of registers, frames and positions are not followed: no controller has them.
@@ -56,11 +59,34 @@ pub(super) fn counts_from_its_start(code: &Code<'_>) -> bool {
     run::run(&program, &tp).map_or(true, |outcome| !outcome.used.is_empty())
 }
 
+/// What defines the values of a user frame or a tool at a motion.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{Calls, Code, Defined, Frame, Held, lines, lower};
+///
+/// let text = b"1:PR[1]=LPOS-LPOS ;\n2:PR[1,3]=220 ;\n3:UTOOL[2]=PR[1] ;\n4:L P[3] 10mm/sec FINE ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// let (program, tp) = lower(&Code::new(&lines), &[], &Calls::default(), None);
+/// let outcome = deflex_lang::run::run(&program, &tp).unwrap();
+/// let Defined::InProgram(tool) = Held(&outcome.motions[0]).defined(Frame::Tool, 2) else { panic!("a known pose") };
+/// assert_eq!(tool.translation.z, 220.0);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Defined {
+    /// The cell has them.
+    InCell,
+    /// The program sets them to this pose; millimetres.
+    InProgram(Isometry3<f64>),
+    /// They are known only at run time.
+    AtRunTime,
+}
+
 /// The values that are known at a motion of a lowered program.
 ///
 /// # Examples
 /// ```
-/// use deflex_lang::tp::{Calls, Code, Frame, Held, lines, lower};
+/// use deflex_lang::tp::{Calls, Code, Defined, Frame, Held, lines, lower};
 ///
 /// let text = b"1:UTOOL_NUM=2 ;\n2:C P[1]\n P[3] 10mm/sec FINE ;\n";
 /// let lines = lines::statements(text, 0..text.len());
@@ -68,7 +94,7 @@ pub(super) fn counts_from_its_start(code: &Code<'_>) -> bool {
 /// let outcome = deflex_lang::run::run(&program, &tp).unwrap();
 /// let held = Held(&outcome.motions[0]);
 /// assert_eq!((held.via(), held.end(), held.selected(Frame::Tool)), (Some(1), Some(3), Some(2)));
-/// assert!(held.displaced().is_none() && !held.is_redefined(Frame::Tool, 2) && held.mark() == Ok(None));
+/// assert!(held.displaced().is_none() && held.defined(Frame::Tool, 2) == Defined::InCell && held.mark() == Ok(None));
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Held<'a>(pub &'a Moved);
@@ -92,13 +118,17 @@ impl Held<'_> {
         number(self.switch([Switch::Frame, Switch::Tool][frame as usize]))
     }
 
-    /// Whether a program may have set the values of a user frame or a tool.
+    /// What defines the values of a user frame or a tool.
     #[must_use]
-    pub fn is_redefined(self, frame: Frame, wanted: u32) -> bool {
-        match item(&self.0.to, 1 + frame as usize).map(|value| &value.content) {
-            Some(Content::Nothing) => false,
-            Some(Content::List(numbers)) => numbers.iter().any(|value| number(value) == Some(wanted)),
-            _ => true,
+    pub fn defined(self, frame: Frame, number: u32) -> Defined {
+        let Some(Content::List(values)) = item(&self.0.to, 1 + frame as usize).map(|value| &value.content) else {
+            return Defined::AtRunTime;
+        };
+        let own = usize::try_from(number).ok().and_then(|number| values.get(number.checked_add(1)?));
+        match own.or(values.first()).map(|value| &value.content) {
+            Some(Content::Truth(false)) => Defined::InCell,
+            Some(Content::Pose(pose)) => Defined::InProgram(pose.pose()),
+            _ => Defined::AtRunTime,
         }
     }
 
@@ -141,6 +171,8 @@ struct Lowering<'a> {
     calls: &'a Calls,
     /// Whether any motion may be relative to where the arm stands.
     counts: bool,
+    /// Position registers that may have axis angles, whose elements are then not X, Y, Z, W, P, R; `None` for any.
+    axes: BTreeSet<Option<u32>>,
     /// Whether a statement may be a label that is not known.
     has_odd_labels: bool,
     /// Statements that are targets of jumps.
@@ -161,6 +193,10 @@ impl<'a> Lowering<'a> {
             code,
             calls,
             counts: calls.may_count() || code.kinds.iter().any(counts_on),
+            axes: (calls.given.values().flatten().copied())
+                .chain(code.kinds.iter().flat_map(effects::effects))
+                .filter_map(|effect| if let Effect::Axes(register) = effect { Some(register) } else { None })
+                .collect(),
             has_odd_labels: code.kinds.iter().any(is_odd),
             wanted: BTreeSet::new(),
             goes_anywhere: false,
@@ -197,8 +233,14 @@ impl<'a> Lowering<'a> {
         let users = extent(&all, &[builtin::REDEFINE[Frame::User as usize]], NUMBERED);
         let tools = extent(&all, &[builtin::REDEFINE[Frame::Tool as usize]], NUMBERED);
         let registers = extent(&all, &[builtin::REGISTER, builtin::SET], REGISTERS);
+        let elements = ELEMENTS * extent(&all, &[builtin::ELEMENT], POSITION_REGISTERS);
         let [tool, register] = [FRAMES + users, FRAMES + users + tools];
-        let tp = Tp { frames: [FRAMES..tool, tool..register], registers: register..register + registers };
+        let element = register + registers;
+        let tp = Tp {
+            frames: [FRAMES..tool, tool..register],
+            registers: register..element,
+            elements: element..element + elements,
+        };
         // A cycle begins with the frames that the one before left.
         let set: BTreeSet<u32> = (self.code.kinds.iter())
             .flat_map(|kind| self.calls.of_statement(kind))
@@ -216,7 +258,11 @@ impl<'a> Lowering<'a> {
             (Switch::Tool.slot(), unknown(Reason::ToolSelected)),
         ];
         let slots = [CONCURRENT, ANY[0], ANY[1]].into_iter().chain(FRAMES..register);
-        begins.extend(slots.map(|slot| (Slot::Global(slot), truth(set.contains(&slot)))));
+        let is_set = |slot| {
+            let of_any = |frame: usize| tp.frames[frame].contains(&slot) && set.contains(&ANY[frame]);
+            set.contains(&slot) || of_any(0) || of_any(1)
+        };
+        begins.extend(slots.map(|slot| (Slot::Global(slot), truth(is_set(slot)))));
         begins.extend(displaced.map(|why| (Switch::Shift.slot(), unknown(why))));
         if self.counts {
             begins.push((Slot::Global(POSITIONS), table(positions)));
@@ -225,7 +271,7 @@ impl<'a> Lowering<'a> {
         let begins = begins.into_iter().map(|(slot, value)| assign(slot, value));
         let body = begins.map(|kind| Statement { kind, place: SourceSpan::default() }).chain(all).collect();
         let functions = vec![Function { name: "/MN".into(), body, ..Function::default() }];
-        let globals = (0..tp.registers.end).map(|slot| name(slot as usize)).collect();
+        let globals = (0..tp.elements.end).map(|slot| name(slot as usize)).collect();
         (Program { functions, entries: vec![FunctionId(0)], tokens, globals, ..Program::default() }, tp)
     }
 
@@ -275,9 +321,27 @@ impl<'a> Lowering<'a> {
                 let value = expression(value, self.place);
                 vec![self.does(builtin::SELECT[*frame as usize], vec![value])]
             }
-            Written::Redefine(frame, index) => {
-                let index = expression(index, self.place);
-                vec![self.does(builtin::REDEFINE[*frame as usize], vec![index])]
+            Written::Redefine(frame, index, register) => {
+                let [index, register] = [index, register].map(|text| expression(text, self.place));
+                vec![self.does(builtin::REDEFINE[*frame as usize], vec![index, register])]
+            }
+            Written::Element(register, element, value) => {
+                let value = if self.may_have_axes(register) { self.unknown() } else { expression(value, self.place) };
+                let [register, element] = [register, element].map(|text| expression(text, self.place));
+                vec![self.does(builtin::ELEMENT, vec![register, element, value])]
+            }
+            Written::PositionRegister(register, Whole::Zero) if !self.may_have_axes(register) => {
+                let register = expression(register, self.place);
+                let zero = |element: u32| {
+                    let element = Expression::constant(f64::from(element));
+                    self.does(builtin::ELEMENT, vec![register.clone(), element, Expression::constant(0.0)])
+                };
+                (1..=ELEMENTS).map(zero).collect()
+            }
+            Written::PositionRegister(register, _) => {
+                vec![
+                    self.does(builtin::ELEMENT, vec![expression(register, self.place), self.unknown(), self.unknown()]),
+                ]
             }
             Written::Register(register, value) => {
                 let value = expression(value, self.place);
@@ -305,6 +369,12 @@ impl<'a> Lowering<'a> {
             | Written::ElseCase(_) => Vec::new(),
             Written::For(..) | Written::EndFor | Written::EndIf | Written::Label(_) | Written::Plain => Vec::new(),
         }
+    }
+
+    /// Whether a position register may have axis angles.
+    fn may_have_axes(&self, register: &[u8]) -> bool {
+        let own = expression::count(register);
+        self.axes.contains(&own) || self.axes.contains(&None) || own.is_none() && !self.axes.is_empty()
     }
 
     fn motion(&mut self, at: usize, motion: &Motion<'_>) -> Vec<StatementKind> {
@@ -340,6 +410,7 @@ impl<'a> Lowering<'a> {
         let on_the_way = on_the_way.chain(motion.runs_others.then_some(Effect::Concurrent)).collect();
         kinds.extend(self.effects(without(on_the_way, &[Effect::Moves, Effect::Counts])));
         if let Some(label) = motion.skip {
+            kinds.extend(self.effects([Effect::Elements(None)].into()));
             kinds.extend(self.jump(label, Some(self.unknown())));
         }
         kinds
@@ -416,7 +487,8 @@ impl<'a> Lowering<'a> {
             Written::Motion(motion) => motion.skip.is_none() && motion.calls.is_empty() && !motion.runs_others,
             Written::Register(register, _) | Written::For(register, ..) => is_other(register),
             Written::If(_) | Written::Else | Written::EndIf | Written::EndFor => true,
-            Written::Select(..) | Written::Mark(_) | Written::Plain => true,
+            Written::Select(..) | Written::Redefine(..) | Written::Mark(_) | Written::Plain => true,
+            Written::Element(..) | Written::PositionRegister(..) => true,
             _ => false,
         };
         registers.is_empty()
@@ -453,18 +525,25 @@ impl<'a> Lowering<'a> {
     fn effects(&self, effects: BTreeSet<Effect>) -> Vec<StatementKind> {
         let number =
             |number: Option<u32>| number.map_or_else(|| self.unknown(), |number| Expression::constant(number.into()));
-        let lower = |effect| match effect {
-            Effect::Register(register) => self.does(builtin::SET, vec![number(register), self.unknown()]),
-            Effect::Select(frame) => self.does(builtin::SELECT[frame as usize], vec![self.unknown()]),
-            Effect::Redefine(frame, of) => self.does(builtin::REDEFINE[frame as usize], vec![number(of)]),
-            Effect::Displace(why) => assign(Switch::Shift.slot(), Expression::unknown(why, Vec::new(), self.place)),
-            Effect::Concurrent => self.does(builtin::CONCURRENT, Vec::new()),
-            Effect::Moves => self.does(builtin::ELSEWHERE, Vec::new()),
-            Effect::Counts => {
-                StatementKind::Evaluate(Expression::unknown(Reason::Input, vec![self.read(STANDS)], self.place))
-            }
+        let lower = |effect| {
+            Some(match effect {
+                // `axes` has these registers: their elements are never known.
+                Effect::Axes(_) => return None,
+                Effect::Register(register) => self.does(builtin::SET, vec![number(register), self.unknown()]),
+                Effect::Select(frame) => self.does(builtin::SELECT[frame as usize], vec![self.unknown()]),
+                Effect::Redefine(frame, of) => {
+                    self.does(builtin::REDEFINE[frame as usize], vec![number(of), self.unknown()])
+                }
+                Effect::Elements(of) => self.does(builtin::ELEMENT, vec![number(of), self.unknown(), self.unknown()]),
+                Effect::Displace(why) => assign(Switch::Shift.slot(), Expression::unknown(why, Vec::new(), self.place)),
+                Effect::Concurrent => self.does(builtin::CONCURRENT, Vec::new()),
+                Effect::Moves => self.does(builtin::ELSEWHERE, Vec::new()),
+                Effect::Counts => {
+                    StatementKind::Evaluate(Expression::unknown(Reason::Input, vec![self.read(STANDS)], self.place))
+                }
+            })
         };
-        effects.into_iter().map(lower).collect()
+        effects.into_iter().filter_map(lower).collect()
     }
 
     fn does(&self, builtin: u16, arguments: Vec<Expression>) -> StatementKind {
@@ -553,6 +632,8 @@ fn extent(all: &[Statement], routines: &[u16], computed: u32) -> u32 {
             Is::Constant(number) if is_whole(number) => {
                 expression::counted(number).filter(|number| *number < MOST).map_or(0, |number| number + 1)
             }
+            // An effect on every number needs no variable.
+            Is::Unknown(..) => 0,
             _ => computed,
         });
     };

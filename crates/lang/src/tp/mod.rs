@@ -4,7 +4,8 @@
 //! which it was recorded, or that are selected when the motion runs. Registers (`R[…]`), the selected frames and the values of frames
 //! belong to the controller: any program may change them. The lowering therefore represents a called program by the possible effects of it
 //! and of all programs that it calls, in any order. A register is known if the program has set it to a whole number: the controller stores
-//! real numbers in single precision, so that deflex cannot know whether two of them are equal.
+//! real numbers in single precision, so that deflex cannot know whether two of them are equal. The elements of a position register (`PR[…,…]`)
+//! are known if the program has set all six; a frame that it then sets to this register is known too.
 //!
 //! Source: FANUC, *R-30iB Operator's Manual (Basic Operation)*.
 
@@ -24,16 +25,17 @@ use crate::inform::Inform;
 use crate::ir::{Slot, Switch};
 use crate::reason::Reason;
 use crate::store::Store;
-use crate::value::{Content, Value, is_whole};
+use crate::value::{Content, Pose, Value, is_whole};
 use nalgebra::Isometry3;
 use std::ops::Range;
+use std::sync::Arc;
 
 pub use code::Code;
 pub use effects::Calls;
 pub use expression::count;
-pub use lower::{Held, lower};
+pub use lower::{Defined, Held, lower};
 pub use motion::{Lasting, Motion, Point, Speed, lasting};
-pub use statement::{Frame, NamedPosition, StatementKind, kind, positions_named, runs};
+pub use statement::{Frame, NamedPosition, StatementKind, Whole, kind, positions_named, runs};
 
 /// Numbers of the routines to which programs are lowered.
 mod builtin {
@@ -45,14 +47,16 @@ mod builtin {
     pub(super) const SET: u16 = 2;
     /// Selects a user frame or a tool, by its number.
     pub(super) const SELECT: [u16; 2] = [3, 4];
-    /// Records that a user frame or a tool, by its number, has other values from here on.
+    /// Sets a user frame or a tool, by its number, to a position register, by its number.
     pub(super) const REDEFINE: [u16; 2] = [5, 6];
     /// Records that a program runs in parallel from here on.
     pub(super) const CONCURRENT: u16 = 7;
     /// Records that another program may have moved the arm.
     pub(super) const ELSEWHERE: u16 = 8;
-    /// A position, by its number, with the frames whose values a program has set.
+    /// A position, by its number, with the user frames and tools.
     pub(super) const POSITION: u16 = 9;
+    /// Sets an element of a position register, by their numbers; all elements if the number of the element is unknown.
+    pub(super) const ELEMENT: u16 = 10;
 }
 
 /// Whether something runs in parallel.
@@ -69,11 +73,16 @@ const FRAMES: u32 = ANY[1] + 1;
 /// The semantics of TP for one program.
 #[derive(Clone, Debug)]
 pub struct Tp {
-    /// Variables that record whether a program has set the values of each user frame and of each tool.
+    /// Variables for the values of each user frame and of each tool: false for those of the cell, a pose, or unknown.
     frames: [Range<u32>; 2],
     /// Registers, from `R[0]` on.
     registers: Range<u32>,
+    /// The six elements of each position register, from `PR[0]` on.
+    elements: Range<u32>,
 }
+
+/// X, Y, Z, W, P, R of a position register.
+const ELEMENTS: u32 = 6;
 
 impl Tp {
     fn register(&self, index: &Value) -> Option<Slot> {
@@ -91,16 +100,61 @@ impl Tp {
         }
     }
 
-    /// Numbers of frames whose values a program has set; unknown if it may be any frame.
-    fn redefined(&self, frame: usize, store: &Store) -> Value {
-        let is_set = |slot: u32| !matches!(store.get(Slot::Global(slot)).content, Content::Truth(false));
-        if is_set(ANY[frame]) {
-            return Value::unknown([Reason::FrameRedefined, Reason::ToolRedefined][frame]);
+    /// The values of all user frames or tools: first of those that have no variable, then of each by its number.
+    fn values_of(&self, frame: usize, store: &Store) -> Value {
+        let slots = [ANY[frame]].into_iter().chain(self.frames[frame].clone());
+        let values: Vec<Value> = slots.map(|slot| store.get(Slot::Global(slot)).clone()).collect();
+        Content::List(values.into()).into()
+    }
+
+    /// The variables of the elements of a position register.
+    fn elements_of(&self, register: &Value) -> Option<Range<u32>> {
+        let start = self.elements.start.checked_add(whole(register)?.checked_mul(ELEMENTS)?)?;
+        self.elements.contains(&start).then(|| start..start + ELEMENTS)
+    }
+
+    /// Sets one element of a position register; everything that it may be, if a number is unknown.
+    fn set_element(&self, arguments: &Arguments<'_>, store: &mut Store) {
+        let [Some(register), Some(element), Some(value)] = [0, 1, 2].map(|at| arguments.get("", at)) else { return };
+        let Some(all) = self.elements_of(register) else {
+            // Registers beyond those that have variables are never known.
+            if whole(register).is_none() {
+                self.elements.clone().for_each(|slot| store.lose(Slot::Global(slot), Reason::Computed));
+            }
+            return;
+        };
+        match whole(element) {
+            Some(at @ 1..=ELEMENTS) => {
+                let is_concurrent = runs_in_parallel(store);
+                let value = if is_concurrent { Value::unknown(Reason::Thread) } else { value.clone() };
+                *store.get_mut(Slot::Global(all.start + at - 1)) = value;
+            }
+            // An external axis.
+            Some(_) => {}
+            None => all.for_each(|slot| store.lose(Slot::Global(slot), Reason::Computed)),
         }
-        let own = &self.frames[frame];
-        let numbers: Vec<Value> =
-            own.clone().filter(|slot| is_set(*slot)).map(|slot| number(f64::from(slot - own.start))).collect();
-        if numbers.is_empty() { Content::Nothing.into() } else { Content::List(numbers.into()).into() }
+    }
+
+    /// The pose in a position register, if all of its elements are known.
+    fn in_register(&self, register: &Value, store: &Store) -> Option<Value> {
+        let elements = self.elements_of(register)?.map(|slot| store.get(Slot::Global(slot)).number());
+        let pose = self.pose(&elements.collect::<Option<Vec<f64>>>()?)?;
+        Some(Content::Pose(Arc::new(Pose::constant(pose))).into())
+    }
+
+    /// Sets a user frame or a tool.
+    fn redefine(&self, frame: usize, arguments: &Arguments<'_>, store: &mut Store) {
+        let [Some(index), Some(register)] = [0, 1].map(|at| arguments.get("", at)) else { return };
+        let slots = &self.frames[frame];
+        match slot(slots, index) {
+            Some(of) => match self.in_register(register, store).filter(|_| !runs_in_parallel(store)) {
+                Some(pose) => *store.get_mut(of) = pose,
+                None => store.lose(of, Reason::Computed),
+            },
+            None => [ANY[frame]].into_iter().chain(slots.clone()).for_each(|slot| {
+                store.lose(Slot::Global(slot), Reason::Computed);
+            }),
+        }
     }
 }
 
@@ -163,9 +217,11 @@ impl Dialect for Tp {
                 return known.unwrap_or_else(|| Value::unknown(Reason::Input));
             }
             builtin::SET => self.set(arguments, store),
+            builtin::ELEMENT => self.set_element(arguments, store),
             builtin::CONCURRENT => {
                 store.lose(Slot::Global(CONCURRENT), Reason::Thread);
-                self.registers.clone().for_each(|slot| store.lose(Slot::Global(slot), Reason::Thread));
+                let registers = self.registers.clone().chain(self.elements.clone());
+                registers.for_each(|slot| store.lose(Slot::Global(slot), Reason::Thread));
                 [Switch::Frame, Switch::Tool].into_iter().for_each(|of| store.lose(of.slot(), Reason::Thread));
             }
             builtin::ELSEWHERE => store.lose_place(),
@@ -174,7 +230,7 @@ impl Dialect for Tp {
                     Some(index) => number(f64::from(index)),
                     None => Value::unknown(Reason::PositionUnknown),
                 };
-                return Content::List([index, self.redefined(0, store), self.redefined(1, store)].into()).into();
+                return Content::List([index, self.values_of(0, store), self.values_of(1, store)].into()).into();
             }
             _ => {
                 for (frame, switch) in [Switch::Frame, Switch::Tool].into_iter().enumerate() {
@@ -182,8 +238,7 @@ impl Dialect for Tp {
                         let is_concurrent = runs_in_parallel(store);
                         store.set(switch, known(&first(), is_concurrent));
                     } else if builtin == builtin::REDEFINE[frame] {
-                        let slot = slot(&self.frames[frame], &first()).unwrap_or(Slot::Global(ANY[frame]));
-                        store.lose(slot, Reason::Computed);
+                        self.redefine(frame, arguments, store);
                     }
                 }
             }

@@ -30,8 +30,12 @@ pub enum StatementKind<'a> {
     Motion(Box<Motion<'a>>),
     /// `UFRAME_NUM=…`, `UTOOL_NUM=…`: frame or tool, and the value.
     Select(Frame, &'a [u8]),
-    /// `UFRAME[…]=…`, `UTOOL[…]=…`: frame or tool, and the index.
-    Redefine(Frame, &'a [u8]),
+    /// `UFRAME[…]=…`, `UTOOL[…]=…`: frame or tool, the index, and the index of the position register; empty if it is another value.
+    Redefine(Frame, &'a [u8], &'a [u8]),
+    /// `PR[…,…]=…`: the indices of position register and element, and the value.
+    Element(&'a [u8], &'a [u8], &'a [u8]),
+    /// `PR[…]=…`: the index, and what it becomes.
+    PositionRegister(&'a [u8], Whole),
     /// `R[…]=…`: index and value.
     Register(&'a [u8], &'a [u8]),
     /// `LBL[…]`
@@ -92,6 +96,26 @@ pub enum Frame {
     Tool,
 }
 
+/// What a position register as a whole becomes.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::{StatementKind, Whole, kind, lines};
+///
+/// let text = b"1:PR[1]=LPOS ;\n";
+/// let lines = lines::statements(text, 0..text.len());
+/// assert!(matches!(kind(&lines[0]), StatementKind::PositionRegister(b"1", Whole::Position)));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Whole {
+    /// All elements are zero (`PR[1]=LPOS-LPOS`, `PR[1]=PR[1]-PR[1]`).
+    Zero,
+    /// The actual position (`LPOS`): X, Y, Z, W, P, R that are known only at run time.
+    Position,
+    /// Anything, also axis angles.
+    Unknown,
+}
+
 /// First words of statements without an effect on motions, in upper case.
 const PLAIN: [&str; 21] = [
     "MESSAGE", "PAUSE", "OVERRIDE", "JOINT_MAX_SPEED", "LINEAR_MAX_SPEED", "PAYLOAD", "TRAGLST", "UALM", "RSR", "COL",
@@ -99,9 +123,9 @@ const PLAIN: [&str; 21] = [
 ];
 
 /// Data whose assignment has no effect on motions; an index follows the name.
-const DATA: [&str; 21] = [
-    "DO", "RO", "SO", "UO", "GO", "AO", "WO", "SDO", "SPO", "F", "M", "SR", "PR", "P", "PL", "AR", "DI", "A", "E",
-    "TIMER", "VR",
+const DATA: [&str; 20] = [
+    "DO", "RO", "SO", "UO", "GO", "AO", "WO", "SDO", "SPO", "F", "M", "SR", "P", "PL", "AR", "DI", "A", "E", "TIMER",
+    "VR",
 ];
 
 /// The kind of a statement.
@@ -149,6 +173,7 @@ fn of(text: &[u8], nested: bool) -> StatementKind<'_> {
         b"RUN" | b"MONITOR" | b"ERROR_PROG" | b"RESUME_PROG" | b"WHEN" => beside(trimmed),
         b"END" | b"ABORT" if trimmed.is_empty() => StatementKind::End,
         b"R" => assigned(rest, StatementKind::Register),
+        b"PR" => position_register(rest),
         b"UFRAME_NUM" | b"BENUTZER_NUM" => selected(Frame::User, rest),
         b"UTOOL_NUM" | b"WKZ_NUM" => selected(Frame::Tool, rest),
         b"UFRAME" => redefined(Frame::User, rest),
@@ -243,17 +268,62 @@ fn selected(frame: Frame, rest: &[u8]) -> StatementKind<'_> {
 /// `[3]=PR[1]`, `[GP1:3]=PR[1]`
 fn redefined(frame: Frame, rest: &[u8]) -> StatementKind<'_> {
     match (brackets, spaced(tag("="))).parse(rest) {
-        Ok((_, (within, _))) => {
-            let grouped = within.len() > 2 && within[..2].eq_ignore_ascii_case(b"GP");
-            let colon = within.iter().position(|b| *b == b':').filter(|_| grouped);
-            match colon {
-                Some(at) if !within[..at].trim_ascii().eq_ignore_ascii_case(b"GP1") => StatementKind::Plain,
-                Some(at) => StatementKind::Redefine(frame, index(&within[at + 1..])),
-                None => StatementKind::Redefine(frame, index(within)),
+        Ok((value, (within, _))) => match of_first_group(within) {
+            Some(within) => {
+                let register = (keyword("PR"), brackets).parse(value.trim_ascii()) as Parsed<'_, _>;
+                let register = register.ok().filter(|(behind, _)| behind.is_empty());
+                let register = register.and_then(|(_, (_, within))| of_first_group(within));
+                StatementKind::Redefine(frame, index(within), register.map_or(&b""[..], index))
             }
-        }
+            None => StatementKind::Plain,
+        },
         Err(_) => StatementKind::Unknown,
     }
+}
+
+/// `GP1:3`, `3`: the text after the motion group; `None` for another group.
+fn of_first_group(within: &[u8]) -> Option<&[u8]> {
+    let grouped = within.len() > 2 && within[..2].eq_ignore_ascii_case(b"GP");
+    match within.iter().position(|b| *b == b':').filter(|_| grouped) {
+        Some(at) => within[..at].trim_ascii().eq_ignore_ascii_case(b"GP1").then(|| &within[at + 1..]),
+        None => Some(within),
+    }
+}
+
+/// `[9,1:x]=5`, `[9:home]=LPOS`; indices that are not understood are unknown ones.
+fn position_register(rest: &[u8]) -> StatementKind<'_> {
+    let Ok((value, (within, _))) = (brackets, spaced(tag("="))).parse(rest) as Parsed<'_, _> else {
+        return StatementKind::PositionRegister(b"", Whole::Unknown);
+    };
+    let Some(within) = of_first_group(within) else { return StatementKind::Plain };
+    // A comment ends the indices, and may have commas.
+    let indices = index(within);
+    let mut depth = 0_i32;
+    let comma = indices.iter().position(|b| {
+        depth += i32::from(*b == b'[') - i32::from(*b == b']');
+        depth == 0 && *b == b','
+    });
+    if let Some(at) = comma {
+        return StatementKind::Element(&indices[..at], &indices[at + 1..], value);
+    }
+    let value: Vec<u8> = value.iter().filter(|b| !b.is_ascii_whitespace()).map(u8::to_ascii_uppercase).collect();
+    let whole = match &value[..] {
+        b"LPOS" => Whole::Position,
+        b"LPOS-LPOS" => Whole::Zero,
+        _ => {
+            let mut sides = value.split(|b| *b == b'-');
+            let itself = [sides.next(), sides.next(), sides.next()];
+            let is_itself = |side: &[u8]| {
+                let register = (keyword("PR"), brackets).parse(side) as Parsed<'_, _>;
+                register.is_ok_and(|(behind, (_, own))| behind.is_empty() && index(own) == indices)
+            };
+            match itself {
+                [Some(one), Some(other), None] if is_itself(one) && is_itself(other) => Whole::Zero,
+                _ => Whole::Unknown,
+            }
+        }
+    };
+    StatementKind::PositionRegister(indices, whole)
 }
 
 /// `(…) THEN`, `…,statement`
@@ -462,8 +532,16 @@ mod tests {
         assert_eq!(is("UFRAME_NUM=R[1]"), StatementKind::Select(Frame::User, b"R[1]"));
         assert_eq!(is("WKZ_NUM=1"), StatementKind::Select(Frame::Tool, b"1"));
         assert_eq!(is("UFRAME_NUM[GP2]=1"), StatementKind::Plain);
-        assert_eq!(is("UFRAME[3]=PR[1]"), StatementKind::Redefine(Frame::User, b"3"));
-        assert_eq!(is("UTOOL[GP1:2]=PR[1]"), StatementKind::Redefine(Frame::Tool, b"2"));
+        assert_eq!(is("UFRAME[3]=PR[1]"), StatementKind::Redefine(Frame::User, b"3", b"1"));
+        assert_eq!(is("UTOOL[GP1:2]=PR[1]"), StatementKind::Redefine(Frame::Tool, b"2", b"1"));
+        assert_eq!(is("UFRAME[3]=UFRAME[2]"), StatementKind::Redefine(Frame::User, b"3", b""));
+        assert_eq!(is("PR[R[1:n],3:a,b]=(-2.5)"), StatementKind::Element(b"R[1:n]", b"3", b"(-2.5)"));
+        assert_eq!(is("PR[9:a,1]=LPOS"), StatementKind::PositionRegister(b"9", Whole::Position));
+        assert_eq!(is("PR[9]=PR[9:a]-PR[9]"), StatementKind::PositionRegister(b"9", Whole::Zero));
+        for anything in ["PR[9]=PR[8]-PR[9]", "PR[9]=PR[9]", "PR[9]=JPOS", "PR[9]=P[1]"] {
+            assert_eq!(is(anything), StatementKind::PositionRegister(b"9", Whole::Unknown), "{anything}");
+        }
+        assert_eq!(is("PR[GP2:9,1]=5"), StatementKind::Plain);
         assert_eq!(is("IF (DI[1]=ON) THEN"), StatementKind::If(b"(DI[1]=ON) "));
         assert_eq!(is("IF R[1]=2,JMP LBL[3]"), StatementKind::When(b"R[1]=2,JMP LBL[3]"));
         assert_eq!(guarded(b",JMP LBL[3:end]"), StatementKind::Jump(b"3"));

@@ -5,6 +5,7 @@ use super::run::PositionTokens;
 use super::{Layout, insert, names};
 use crate::front_end::{FrontEnd, Wanted};
 use crate::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
+use crate::shared;
 use crate::token::{New, signed, single};
 use crate::{Change, Goal, NO_TURN, Passing, Program, Reason, Rewritten, Role};
 use deflex_lang::shared::agree;
@@ -48,6 +49,9 @@ impl FrontEnd for Layout {
         let Wanted { changes, inserts, .. } = wanted;
         let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
         let apart = self.are_apart();
+        let tokens =
+            |i: usize| Some(self.sites[i].tokens).filter(|tokens| !apart && tokens.iter().any(Option::is_some));
+        let changes = if apart { changes } else { &*shared::agreed(changes, tokens) };
         // A joint motion whose status or turn would be untrue stays with its numbers.
         let untrue = |i: usize| changes[i].as_ref().is_some_and(|change| change.conf.is_some());
         let tokens_of = |i: usize| {

@@ -447,6 +447,23 @@ pub(super) fn simple(mut cursor: Cursor<'_>) -> StatementKind {
             let off = |mut cursor: Cursor<'_>| Started { when: cursor.parts(LexemeKind::End), run: None };
             return StatementKind::Interrupt(Box::new(if declares { started(cursor) } else { off(cursor) }));
         }
+        // From here on, the value is computed again and again.
+        b"ANIN" => {
+            cursor.next();
+            if cursor.accept_word(b"OFF") {
+                return StatementKind::Harmless(cursor.parts(LexemeKind::End));
+            }
+            let is_on = cursor.accept_word(b"ON");
+            let at = cursor.rest();
+            let setting = cursor.setting().filter(|_| is_on && cursor.is_done());
+            return setting.map_or_else(
+                || StatementKind::NotUnderstood({ start }.parts(LexemeKind::End)),
+                |setting| {
+                    let run = Some(Statement { kind: StatementKind::Assign(Box::new(setting)), at });
+                    StatementKind::Trigger(Box::new(Started { when: Vec::new(), run }))
+                },
+            );
+        }
         b"RESUME" => return StatementKind::Resume,
         b"ON_ERROR_PROCEED" => return StatementKind::Proceed,
         _ => {}

@@ -2,6 +2,7 @@
 
 use super::{Layout, PoseSource};
 use crate::front_end::Wanted;
+use crate::shared::agreed as settled;
 use crate::token::New;
 use crate::{Change, Editable, Goal, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
 use deflex_lang::ir::TokenId;
@@ -17,6 +18,11 @@ pub(super) struct Print {
 }
 
 pub(super) fn rewrite(program: &Program, layout: &Layout, Wanted { changes, options, .. }: Wanted<'_>) -> Rewritten {
+    let tokens = |i: usize| {
+        let tokens = layout.sites[i].as_ref()?.affine.map(|affine| affine.map(|affine| affine.token));
+        Some(tokens).filter(|tokens| tokens.iter().any(Option::is_some))
+    };
+    let changes = &*settled(changes, tokens);
     let mut kept = Vec::new();
     let mut prints: Vec<Option<Print>> = Vec::with_capacity(changes.len());
     for (i, (site, change)) in layout.sites.iter().zip(changes).enumerate() {

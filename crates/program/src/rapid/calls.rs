@@ -19,6 +19,9 @@ use std::sync::LazyLock;
 /// Deepest calls that are followed: a procedure that calls itself has no end for the reader.
 const MAX_CALLS: usize = 48;
 
+/// `CallByVar` gives the procedure nothing.
+static NONE: LazyLock<Arguments> = LazyLock::new(Arguments::default);
+
 /// A call that was run.
 struct Called<'c> {
     id: RoutineId,
@@ -42,9 +45,12 @@ impl<'a> Runner<'a> {
     /// Routines that a block calls by name.
     pub(super) fn calls(&self, id: RoutineId, block: &'a [Statement]) -> impl Iterator<Item = RoutineId> {
         let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
-        statements(block).into_iter().filter_map(Statement::call).filter_map(move |call| match &call.late {
-            Some(name) => self.symbols.find_routine_in_text(module, name.text_literal(bytes)?),
-            None => self.symbols.find_routine(module, &bytes[call.name.range()]),
+        statements(block).into_iter().filter_map(Statement::call).flat_map(move |call| {
+            let named = match &call.late {
+                Some(name) => name.text_literal(bytes).and_then(|text| self.symbols.find_routine_in_text(module, text)),
+                None => self.symbols.find_routine(module, &bytes[call.name.range()]),
+            };
+            named.map_or_else(|| self.symbols.chosen_by(module, call, bytes), |named| vec![named])
         })
     }
 
@@ -139,7 +145,7 @@ impl<'a> Runner<'a> {
         span: Span,
     ) -> Result<(), Stop> {
         let Value::Text(name) = self.evaluate(scope, name) else {
-            return self.enter_any(scope, call, span, b"");
+            return self.enter_chosen(scope, call, span, b"");
         };
         match self.symbols.find_routine_in_text(scope.module, &name) {
             Some(id) => self.enter(scope, id, &call.arguments, span),
@@ -153,13 +159,12 @@ impl<'a> Runner<'a> {
 
     /// `CallByVar Name, Number`: a call of the procedure whose name is the text followed by the number.
     pub(super) fn enter_by_variable(&mut self, scope: Scope, call: &'a Call, span: Span) -> Result<(), Stop> {
-        static NONE: LazyLock<Arguments> = LazyLock::new(Arguments::default);
         let known: Vec<Value> =
             call.arguments.positional.iter().map(|argument| self.evaluate(scope, argument)).collect();
         let (name, number) = match &known[..] {
             [Value::Text(name), Value::Num(number, _)] => (name, number),
-            [Value::Text(name), ..] => return self.enter_any(scope, call, span, name),
-            _ => return self.enter_any(scope, call, span, b""),
+            [Value::Text(name), ..] => return self.enter_chosen(scope, call, span, name),
+            _ => return self.enter_chosen(scope, call, span, b""),
         };
         let name = [&name[..], number.to_string().as_bytes()].concat();
         match self.symbols.find_routine(scope.module, &name) {
@@ -169,6 +174,42 @@ impl<'a> Runner<'a> {
                 Ok(())
             }
         }
+    }
+
+    /// A call of a procedure that is chosen at run time. If the text has a part of its name that procedures in the files have, it is one of
+    /// these (`docs/soundness.md`): each of them runs from the present state.
+    fn enter_chosen(&mut self, scope: Scope, call: &'a Call, span: Span, begins: &[u8]) -> Result<(), Stop> {
+        let chosen = self.symbols.chosen_by(scope.module, call, self.bytes(usize::from(scope.source)));
+        if chosen.is_empty() {
+            return self.enter_any(scope, call, span, begins);
+        }
+        let names: Vec<_> = chosen.iter().map(|id| String::from_utf8_lossy(self.routine_name(*id))).collect();
+        let message = format!(
+            "which procedure is called here is known only at run time: deflex assumes that it is one of these: {}",
+            names.join(", ")
+        );
+        self.tell(span, "rapid.late-binding", &message, Severity::Warning);
+        let failures = self.errors.failures;
+        self.expression_may_fail();
+        let is_skipped = self.skipped_since(failures);
+        let given = if call.late.is_some() { &call.arguments } else { &*NONE };
+        let before = self.state.clone();
+        let mut joined = is_skipped.then(|| before.clone());
+        for id in chosen {
+            self.state = before.clone();
+            self.touch();
+            match self.enter(scope, id, given, span) {
+                Ok(()) => {
+                    let left = std::mem::take(&mut self.state);
+                    self.add_state(&mut joined, left);
+                }
+                Err(Stop::Ends) => {}
+                Err(stop) => return Err(stop),
+            }
+        }
+        self.state = joined.ok_or(Stop::Ends)?;
+        self.touch();
+        Ok(())
     }
 
     /// A call of a procedure that is chosen at run time: any one whose name has this beginning, in the files or not.

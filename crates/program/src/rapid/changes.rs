@@ -307,6 +307,12 @@ impl<'s, 'a> Scan<'s, 'a> {
         if arguments.is_cut {
             return self.unknown(arguments);
         }
+        let chosen = self.symbols.chosen_by(self.symbols.module_of(self.id), call, self.bytes);
+        if !chosen.is_empty() {
+            let none = Arguments::default();
+            let given = if call.late.is_some() { arguments } else { &none };
+            return chosen.into_iter().for_each(|id| self.call(id, given));
+        }
         if let Some(name) = &call.late {
             return match self.routine_named(name) {
                 Some(id) => self.call(id, arguments),
@@ -370,6 +376,7 @@ impl<'s, 'a> Scan<'s, 'a> {
             Some(Instruction::Load) => self.out.changes.switches.load = true,
             Some(Instruction::Velocity) => self.out.changes.switches.velocity = true,
             Some(Instruction::ArcMode) => self.out.changes.switches.arcs = true,
+            Some(Instruction::Configuration) => self.out.changes.switches.nearest = true,
             Some(
                 Instruction::AxisOffsetSet
                 | Instruction::AxisOffsetOn

@@ -75,6 +75,28 @@ pub(super) struct Call {
     pub(super) arguments: Arguments,
 }
 
+impl Call {
+    /// The beginning and the end of the name of a procedure that is chosen at run time (`%"part"+NumToStr(n,0)+"a"%`, `CallByVar "part",n`), as far
+    /// as the text has them; `None` if it has no beginning.
+    pub(super) fn known_ends<'b>(&self, bytes: &'b [u8]) -> Option<[&'b [u8]; 2]> {
+        let ends = match &self.late {
+            Some(name) => {
+                let ExpressionKind::Chain(chain) = &name.kind else { return None };
+                let last =
+                    chain.operations.last().filter(|_| chain.operations.iter().all(|o| o.operator == Binary::Add));
+                [chain.first.text_literal(bytes)?, last?.right.text_literal(bytes).unwrap_or_default()]
+            }
+            None => {
+                let is_by_number = bytes[self.name.range()].eq_ignore_ascii_case(b"CallByVar");
+                [self.arguments.positional.first().filter(|_| is_by_number)?.text_literal(bytes)?, b""]
+            }
+        };
+        // An escaped character is not itself.
+        let is_plain = |text: &[u8]| !text.iter().any(|b| matches!(b, b'"' | b'\\'));
+        (!ends[0].is_empty() && ends.into_iter().all(is_plain)).then_some(ends)
+    }
+}
+
 #[derive(Debug, Default)]
 pub(super) struct Arguments {
     pub(super) positional: Box<[Expression]>,

@@ -36,9 +36,15 @@ impl<'a> Runner<'a> {
         if known == Instruction::Nothing || only_options && arguments.optional.is_empty() {
             return Ok(());
         }
-        // The head of a program, which every chunk repeats, may set speeds, loads and turns on arcs, and activate units.
-        let in_head =
-            matches!(known, Instruction::Velocity | Instruction::Load | Instruction::ArcMode | Instruction::UnitOn);
+        // The head of a program, which every chunk repeats, may set speeds, loads, turns on arcs and `ConfJ`, and activate units.
+        let in_head = matches!(
+            known,
+            Instruction::Velocity
+                | Instruction::Load
+                | Instruction::ArcMode
+                | Instruction::Configuration
+                | Instruction::UnitOn
+        );
         self.counters.events += u64::from(!in_head);
         match known {
             Instruction::Nothing => {}
@@ -89,6 +95,10 @@ impl<'a> Runner<'a> {
             }
             Instruction::ArcMode => {
                 self.state.modal.arcs = arc_mode(bytes, arguments);
+                self.state.modal.lose(self.others_switch());
+            }
+            Instruction::Configuration => {
+                self.state.modal.nearest = if arguments.has(bytes, b"Off") { OnOff::On } else { OnOff::Off };
                 self.state.modal.lose(self.others_switch());
             }
             Instruction::AxisOffsetSet

@@ -188,7 +188,10 @@ impl<'a> Runner<'a> {
             self.axes_go_to(&written.external, false);
             return self.arrive(&target, pose.root);
         }
-        target.goal = Goal::Pose { position_mm: written.position_mm, quat: unit(written.quat), conf: written.conf };
+        // After `ConfJ\Off`, the controller ignores the configuration.
+        let is_stated = target.motion != Motion::Joint || self.state.modal.nearest == OnOff::Off;
+        let conf = written.conf.filter(|_| is_stated);
+        target.goal = Goal::Pose { position_mm: written.position_mm, quat: unit(written.quat), conf };
         let bytes = self.bytes(scope.source as usize);
         let named = !matches!(argument.kind, ExpressionKind::Literal(_) | ExpressionKind::Aggregate(_));
         if named && pose.steps.is_empty() {
@@ -259,6 +262,9 @@ impl<'a> Runner<'a> {
             OnOff::Off if self.state.modal.soft == OnOff::On => Some(Reason::SoftServoActive),
             OnOff::Off if self.state.modal.soft == OnOff::Unknown => Some(Reason::SoftServoUnknown),
             OnOff::Off if misfit => Some(Reason::BothHeld),
+            OnOff::Off if target.motion == Motion::Joint && self.state.modal.nearest == OnOff::Unknown => {
+                Some(Reason::NearestUnknown)
+            }
             OnOff::Off => self.axes_unknown(&pose.written.external),
         }
     }

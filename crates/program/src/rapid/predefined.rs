@@ -31,6 +31,8 @@ pub(super) enum Instruction {
     Velocity,
     /// States how the tool turns on arcs.
     ArcMode,
+    /// States whether joint motions go to the programmed configuration.
+    Configuration,
     /// Sets the offset of external axes.
     AxisOffsetSet,
     /// Sets it from the present positions.
@@ -67,6 +69,7 @@ impl Instruction {
                 | Self::Load
                 | Self::Velocity
                 | Self::ArcMode
+                | Self::Configuration
                 | Self::AxisOffsetSet
                 | Self::AxisOffsetOn
                 | Self::AxisOffsetOff
@@ -78,7 +81,7 @@ impl Instruction {
 /// Instructions that change neither data nor frames.
 pub(super) const NOTHING: &[&str] = &[
     "AccSet", "ActEventBuffer", "AliasIOReset", "Break", "CamFlush", "CamRequestImage", "CamSetProgramMode",
-    "CheckProgRef", "ClearIOBuff", "Close", "CloseDir", "ConfJ", "ConfL", "CopyFile", "CornerPathWarning", "CorrClear",
+    "CheckProgRef", "ClearIOBuff", "Close", "CloseDir", "ConfL", "CopyFile", "CornerPathWarning", "CorrClear",
     "CorrDiscon", "CorrWrite", "DeactEventBuffer", "DitherAct", "DitherDeact", "EGMReset", "EraseModule", "ErrLog",
     "ErrWrite", "HollowWristReset", "IDelete", "IDisable", "IEnable", "InvertDO", "IODisable", "IOEnable", "ISleep",
     "IWatch", "Load", "MakeDir", "MechUnitLoad", "MotionProcessModeSet", "MotionSup", "PathAccLim", "PathLengthReset",
@@ -118,6 +121,7 @@ const OWN: &[(&str, Instruction)] = &[
     ("CirPathMode", Instruction::ArcMode),
     ("Clear", Instruction::Steps),
     ("ClearPath", Instruction::ClearsPath),
+    ("ConfJ", Instruction::Configuration),
     ("DeactUnit", Instruction::UnitOff),
     ("Decr", Instruction::Steps),
     ("EOffsOff", Instruction::AxisOffsetOff),

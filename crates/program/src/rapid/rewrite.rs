@@ -4,6 +4,7 @@ use super::value::{OffsetStep, rotate, unit};
 use super::writer::{Pose, Print, Writer};
 use super::{Layout, Offset, TargetInText, clone, insert, own};
 use crate::front_end::Wanted;
+use crate::shared::agreed;
 use crate::token::{New, signed, single};
 use crate::{Change, Editable, Goal, Insert, NO_TURN, Program, Reason, Rewritten, Role};
 use deflex_lang::ir::SourceSpan;
@@ -49,6 +50,11 @@ pub(super) fn rewrite_agreed(
     layout: &Layout,
     Wanted { changes, inserts, options }: Wanted<'_>,
 ) -> (Rewritten, Settled) {
+    let literal = |i: usize| match layout.sites[i] {
+        TargetInText::Literal { literal, .. } => Some(literal),
+        _ => None,
+    };
+    let changes = &*agreed(changes, literal);
     let mut writer = Writer::new(program, layout, options);
     let mut settled = Settled::default();
     // A target that stays must not move with another number, so that number stays too: repeat until nothing changes.

@@ -160,6 +160,8 @@ pub(super) struct ModalState {
     /// `None` if known only at run time.
     pub(super) velocity: Option<Velocity>,
     pub(super) arcs: ArcMode,
+    /// Whether joint motions go to the nearest configuration instead of the programmed one (`ConfJ\Off`).
+    pub(super) nearest: OnOff,
 }
 
 impl Default for ModalState {
@@ -173,6 +175,7 @@ impl Default for ModalState {
             load: OnOff::Off,
             velocity: Some(Velocity::AS_PROGRAMMED),
             arcs: ArcMode::default(),
+            nearest: OnOff::Off,
         }
     }
 }
@@ -188,12 +191,13 @@ impl ModalState {
             load: self.load.join(other.load),
             velocity: self.velocity.filter(|_| self.velocity == other.velocity),
             arcs: self.arcs.join(other.arcs),
+            nearest: self.nearest.join(other.nearest),
         }
     }
 
     /// Makes unknown the parts that may be switched.
     pub(super) fn lose(&mut self, switches: Switches) {
-        let Switches { displacement, axes, marks, soft, load, velocity, arcs } = switches;
+        let Switches { displacement, axes, marks, soft, load, velocity, arcs, nearest } = switches;
         if displacement {
             self.displacement = OnOff::Unknown;
         }
@@ -211,6 +215,9 @@ impl ModalState {
         }
         if arcs {
             self.arcs = ArcMode::Unknown;
+        }
+        if nearest {
+            self.nearest = OnOff::Unknown;
         }
         self.mark_unknown |= marks;
     }
@@ -233,18 +240,28 @@ pub(super) struct Switches {
     pub(super) velocity: bool,
     /// How the tool turns on arcs may change.
     pub(super) arcs: bool,
+    /// The configuration of joint motions may become the nearest one.
+    pub(super) nearest: bool,
 }
 
 impl Switches {
-    pub(super) const NONE: Self =
-        Self { displacement: false, axes: false, marks: false, soft: false, load: false, velocity: false, arcs: false };
-    /// The parts that an unknown routine may switch; it is assumed to leave speeds, soft servo, loads and turns on arcs alone.
+    pub(super) const NONE: Self = Self {
+        displacement: false,
+        axes: false,
+        marks: false,
+        soft: false,
+        load: false,
+        velocity: false,
+        arcs: false,
+        nearest: false,
+    };
+    /// The parts that an unknown routine may switch; it is assumed to leave speeds, soft servo, loads, turns on arcs and `ConfJ` alone.
     pub(super) const FOREIGN: Self = Self { displacement: true, axes: true, ..Self::NONE };
 }
 
 impl BitOrAssign for Switches {
     fn bitor_assign(&mut self, other: Self) {
-        let Self { displacement, axes, marks, soft, load, velocity, arcs } = other;
+        let Self { displacement, axes, marks, soft, load, velocity, arcs, nearest } = other;
         self.displacement |= displacement;
         self.axes |= axes;
         self.marks |= marks;
@@ -252,6 +269,7 @@ impl BitOrAssign for Switches {
         self.load |= load;
         self.velocity |= velocity;
         self.arcs |= arcs;
+        self.nearest |= nearest;
     }
 }
 

@@ -1,8 +1,8 @@
 //! Names: data and routines of all modules, and those that RAPID predefines.
 
-use super::expression::Expression;
+use super::expression::{Call, Expression};
 use super::known::{Known, RoutineId};
-use super::tree::{Data, File, Routine, Storage};
+use super::tree::{Data, File, Routine, RoutineKind, Storage};
 use super::value::Value;
 use crate::Reason;
 use deflex_text::{Source, decode};
@@ -176,6 +176,25 @@ impl<'a> Symbols<'a> {
         let Some(colon) = text.iter().rposition(|byte| *byte == b':') else { return self.find_routine(module, text) };
         let named = *self.modules.get(&*Upper::new(&text[..colon]))?;
         self.find_routine(named, &text[colon + 1..]).filter(|id| self.module_of(*id) == named)
+    }
+
+    /// The procedures that a call may choose at run time: those whose names have the beginning and the end that are in the text. Empty if the
+    /// text has no beginning, or if the name may be that of a module with one of its procedures.
+    pub(super) fn chosen_by(&self, module: usize, call: &Call, bytes: &[u8]) -> Vec<RoutineId> {
+        let is_own = call.late.is_none() && self.find_routine(module, &bytes[call.name.range()]).is_some();
+        let Some([begin, end]) = call.known_ends(bytes).filter(|_| !is_own) else { return Vec::new() };
+        let (begin, end) = (begin.to_ascii_uppercase(), end.to_ascii_uppercase());
+        if self.modules.keys().any(|name| name.starts_with(&begin)) {
+            return Vec::new();
+        }
+        let fits = |id: &RoutineId| {
+            let routine = self.routine(*id);
+            let name = Upper::new(&self.sources[id.file].bytes[routine.name.range()]);
+            let middle = name.strip_prefix(&begin[..]).and_then(|rest| rest.strip_suffix(&end[..]));
+            let is_chosen = middle.is_some_and(|middle| call.late.is_some() || middle.iter().all(u8::is_ascii_digit));
+            is_chosen && routine.kind == RoutineKind::Proc && self.find_routine(module, &name) == Some(*id)
+        };
+        self.all().filter(fits).collect()
     }
 
     /// The data that a name means in `module`.

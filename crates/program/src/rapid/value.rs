@@ -103,7 +103,7 @@ impl Value {
         if let Value::List(items, _) = self { Some(items) } else { None }
     }
 
-    fn nums<const N: usize>(&self) -> Option<[f64; N]> {
+    pub(super) fn nums<const N: usize>(&self) -> Option<[f64; N]> {
         let items = self.list()?;
         if items.len() != N {
             return None;

@@ -5,6 +5,7 @@ use super::position::{Body, Pose, WrittenConfig};
 use super::written::{DECIMALS, nearest};
 use super::{arcs, insert};
 use crate::orientation::{from_zyx_deg, halfway, quaternion, rotation, zyx_deg};
+use crate::shared::agreed;
 use crate::token::{New, single};
 use crate::{Change, Conf, Editable, Goal, Insert, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
 use deflex_text::{Content, Edit, Span, Token};
@@ -38,6 +39,7 @@ pub(super) fn rewrite(
     inserts: &[Insert],
     options: &RewriteOptions,
 ) -> Rewritten {
+    let changes = &*agreed(changes, |i| layout.sites[i]);
     let mut writer = Writer { program, layout, options, frozen: BTreeSet::new() };
     let (prints, mut kept) = loop {
         let (prints, kept) = writer.prints(changes);

@@ -12,7 +12,8 @@ use crate::{
 };
 use deflex_lang::ir;
 use deflex_lang::run::Outcome;
-use deflex_lang::tp::{self, Frame, Held, Motion, Speed, StatementKind};
+use deflex_lang::tp::{self, Defined, Frame, Held, Motion, Speed, StatementKind};
+use nalgebra::Isometry3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -74,8 +75,28 @@ impl<'a> Builder<'a> {
     fn freeze(&mut self, number: Option<u32>, why: Reason) {
         match self.position(number) {
             Ok(at) => drop(self.frozen.entry(at).or_insert(why)),
-            Err(Reason::PositionUnknown) => drop(self.all_frozen.get_or_insert(Reason::MayGoThere)),
+            Err(Reason::PositionUnknown) => drop(self.all_frozen.get_or_insert(why)),
             Err(_) => {}
+        }
+    }
+
+    /// A motion to a position that is known only at run time may go to each position that was recorded in the selected frames: a
+    /// controller refuses all others.
+    fn freeze_where_it_may_go(&mut self, held: Held<'_>) {
+        for (at, position) in self.positions.iter().enumerate() {
+            let frames = match &position.body {
+                Body::Pose(pose) => pose.frames,
+                Body::Joints { frames, .. } => *frames,
+                Body::None(_) => continue,
+            };
+            let is_refused =
+                [Frame::User, Frame::Tool].into_iter().zip(frames).any(|(frame, recorded)| match recorded {
+                    Number::Known(own) => held.selected(frame).is_some_and(|selected| selected != own),
+                    Number::Selected => false,
+                });
+            if !is_refused {
+                self.frozen.entry(at).or_insert(Reason::MayGoThere);
+            }
         }
     }
 
@@ -113,7 +134,10 @@ impl<'a> Builder<'a> {
     /// Records a motion with an unknown end. The positions that it names must not be edited.
     pub(super) fn lose(&mut self, visit: &Visit<'_>, why: Reason) {
         for number in visit.roles().iter().filter_map(|role| visit.number(*role).ok()) {
-            self.freeze(number, Reason::MovedToo);
+            match number {
+                Some(_) => self.freeze(number, Reason::MovedToo),
+                None => self.freeze_where_it_may_go(visit.held),
+            }
         }
         self.unknown(visit.at, why);
     }
@@ -194,7 +218,7 @@ impl<'a> Builder<'a> {
 
     /// Indices of tool and work object.
     fn frames(&mut self, recorded: [Number; 2], held: Held<'_>) -> Result<[u16; 2], Reason> {
-        let mut numbers = [0; 2];
+        let (mut numbers, mut own) = ([0; 2], [None; 2]);
         for (i, frame) in [Frame::User, Frame::Tool].into_iter().enumerate() {
             numbers[i] = match (recorded[i], held.selected(frame)) {
                 (Number::Known(own), Some(selected)) if own != selected => return Err(OTHER_SELECTED[i]),
@@ -202,17 +226,18 @@ impl<'a> Builder<'a> {
                 (Number::Selected, Some(selected)) => selected,
                 (Number::Selected, None) => return Err(SELECTED_LATER[i]),
             };
-            if held.is_redefined(frame, numbers[i]) {
-                return Err(REDEFINED[i]);
-            }
+            own[i] = match held.defined(frame, numbers[i]) {
+                Defined::InCell => (numbers[i] == 0).then(Isometry3::identity),
+                Defined::InProgram(pose) => Some(pose),
+                Defined::AtRunTime => return Err(REDEFINED[i]),
+            };
         }
-        let wobj = Wobj {
-            name: format!("UF {}", numbers[0]).into(),
-            data: (numbers[0] == 0).then_some(WobjData::WORLD),
-            unit: None,
-        };
-        let tool =
-            Tool { name: format!("UT {}", numbers[1]).into(), data: (numbers[1] == 0).then_some(ToolData::FLANGE) };
+        let [user, tool] = own
+            .map(|own| own.map(|own| (own.translation.vector.into(), quaternion(&own.rotation.to_rotation_matrix()))));
+        let user = user.map(|(uframe_mm, uframe_quat)| WobjData { uframe_mm, uframe_quat, ..WobjData::WORLD });
+        let tool = tool.map(|(tcp_mm, tcp_quat)| ToolData { tcp_mm, tcp_quat, ..ToolData::FLANGE });
+        let wobj = Wobj { name: format!("UF {}", numbers[0]).into(), data: user, unit: None };
+        let tool = Tool { name: format!("UT {}", numbers[1]).into(), data: tool };
         Ok([intern(&mut self.built.tools, tool), intern(&mut self.built.wobjs, wobj)])
     }
 

@@ -4,10 +4,12 @@ use super::super::expression::{Arguments, Call};
 use super::super::predefined;
 use super::super::runner::Runner;
 use super::super::symbols::Upper;
-use super::super::value::{OffsetStep, Value, multiply};
+use super::super::value::{OffsetStep, Value, multiply, rotate, unit};
 use super::Scope;
+use crate::orientation::quaternion;
 use crate::{NO_TURN, Reason};
 use deflex_text::number::write_fixed;
+use nalgebra::{Rotation3, Vector3};
 use std::rc::Rc;
 
 impl<'a> Runner<'a> {
@@ -53,6 +55,22 @@ impl<'a> Runner<'a> {
             (b"NUMTOSTR", 2) => printed(&values[0], &values[1]),
             (b"ORIENTZYX", 3) => orientation(&values),
             (b"DIM", 2) => dimension(&values[0], &values[1]),
+            (b"NORIENT", 1) => values[0].nums().map(|quat| list(unit(quat))),
+            (b"POSEMULT", 2) => pose_of(&values[0]).zip(pose_of(&values[1])).map(|(a, b)| frame(product(a, b))),
+            (b"POSEINV", 1) => pose_of(&values[0]).map(|(position, [w, x, y, z])| {
+                let back = [w, -x, -y, -z];
+                frame((rotate(back, position.map(|v| -v)), back))
+            }),
+            (b"POSEVECT", 2) => {
+                pose_of(&values[0]).zip(values[1].nums()).map(|(a, at)| list(product(a, (at, NO_TURN)).0))
+            }
+            (b"DEFFRAME", 3) if arguments.optional.is_empty() => {
+                values.iter().for_each(|v| self.numbers.pin_value(v));
+                // Points that are too near to each other or to one line are an error.
+                self.expression_may_fail();
+                let points = [0, 1, 2].map(|at| self.as_target(&values[at]).map(|pose| pose.written.position_mm));
+                through(points)
+            }
             _ => arithmetic(&name, &values, arguments.optional.is_empty()),
         };
         if known.is_none() && !predefined::never_fails(&name) {
@@ -152,7 +170,37 @@ fn orientation(values: &[Value]) -> Option<Value> {
         q[axis] = half.sin();
         turn = multiply(turn, q);
     }
-    Some(Value::List(turn.into_iter().map(|v| Value::Num(v, None)).collect(), None))
+    Some(list(turn))
+}
+
+fn list<const N: usize>(numbers: [f64; N]) -> Value {
+    Value::List(numbers.into_iter().map(|v| Value::Num(v, None)).collect(), None)
+}
+
+/// Position and orientation of a `pose`.
+fn pose_of(value: &Value) -> Option<([f64; 3], [f64; 4])> {
+    let [position, quat] = value.list()? else { return None };
+    Some((position.nums()?, unit(quat.nums()?)))
+}
+
+fn frame((position, quat): ([f64; 3], [f64; 4])) -> Value {
+    Value::List([list(position), list(quat)].into(), None)
+}
+
+/// The product of two poses.
+fn product(a: ([f64; 3], [f64; 4]), b: ([f64; 3], [f64; 4])) -> ([f64; 3], [f64; 4]) {
+    let moved = rotate(a.1, b.0);
+    (std::array::from_fn(|i| a.0[i] + moved[i]), multiply(a.1, b.1))
+}
+
+/// `DefFrame`: the frame at the first point, with x through the second and y on the side of the third.
+fn through(points: [Option<[f64; 3]>; 3]) -> Option<Value> {
+    let [origin, on_x, in_plane] = points.map(|point| point.map(Vector3::from));
+    let (origin, on_x, in_plane) = (origin?, on_x?, in_plane?);
+    let x = (on_x - origin).try_normalize(0.0)?;
+    let z = x.cross(&(in_plane - origin)).try_normalize(0.0)?;
+    let axes = Rotation3::from_basis_unchecked(&[x, z.cross(&x), z]);
+    Some(frame((origin.into(), quaternion(&axes))))
 }
 
 /// `NumToStr`.
