@@ -5,14 +5,13 @@
 //! columns. The entries of an appended row in the shared columns are proportional to its prior size, so that a column
 //! is solved once for all candidates that have it, also for those that differ only in their prior.
 
+use super::bounds::{Normals, Range};
 use super::columns::Columns;
 use super::moments::Moments;
 use deflex_lanes::widest;
 use nalgebra::DMatrix;
-use statrs::function::erf::erfc;
 use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
-use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::rc::Rc;
 
 /// Columns whose rows are appended to the factor of the columns that precede them.
@@ -183,46 +182,34 @@ fn subtract(from: &mut [f64], scale: f64, vector: &[f64]) {
     }
 }
 
-/// What the bounds of the numbers add to the log evidence, nats: for each bounded number the log probability of its
-/// bounds under its posterior less that under its prior. It makes a compliance unlikely that fits well but would have
-/// to be negative. `factor` is that of `columns`, and `further` has the rows of `more`.
+/// L⁻¹ times the unit vector of a bounded number, in the rows of the shared columns and in those of the further ones.
+/// The products of these vectors are the covariances of the numbers.
+struct Unit<'a> {
+    shared: &'a [f64],
+    own: Vec<f64>,
+}
+
+/// What the bounds of the numbers add to the log evidence, nats: the log probability of the bounds under the posterior
+/// less that under the prior. It makes a compliance unlikely that fits well but would have to be negative. `factor` is
+/// that of `columns`, and `further` has the rows of `more`.
 pub(super) fn evidence_of_bounds(factor: &Factor, columns: &Columns, further: &Factor, more: &Columns) -> f64 {
-    let gain = |&(_, low, high): &(usize, f64, f64), unit: [&[f64]; 2]| {
-        let product = |of: [&[f64]; 2]| dot(unit[0], of[0]) + dot(unit[1], of[1]);
-        let spread = product(unit).max(f64::MIN_POSITIVE).sqrt();
-        let mean = product([if unit[0].is_empty() { &[] } else { &factor.whitened }, &further.whitened]);
-        log_normal_between((low - mean) / spread, (high - mean) / spread) - log_normal_between(low, high)
-    };
     let units = factor.units(columns);
-    let own = columns.limits.iter().zip(units).enumerate().map(|(n, (limit, unit))| {
+    let continued = (0..units.len()).map(|n| {
         let preceding = |j: usize| {
             let (solved, size) = &further.off_diagonal[j];
             size * solved.on_units.get_or_init(|| units.iter().map(|unit| dot(&solved.row, unit)).collect())[n]
         };
-        gain(limit, [unit, &further.solve(preceding, None)])
+        Unit { shared: &units[n], own: further.solve(preceding, None) }
     });
-    let new = more.limits.iter().map(|limit| gain(limit, [&[], &further.solve(|_| 0.0, Some(limit.0))]));
-    own.chain(new).sum()
-}
-
-/// Logarithm of the probability of an interval under the standard normal distribution.
-pub(super) fn log_normal_between(low: f64, high: f64) -> f64 {
-    /// Beyond this many standard deviations the tail differs from its asymptote exp(−z²/2) / (z √2π) by less than 0.3
-    /// %.
-    const FAR: f64 = 20.0;
-    /// Beyond this many standard deviations on both sides the probability of what is outside is below the rounding
-    /// error.
-    const ALL: f64 = 9.0;
-    if low < -ALL && high > ALL {
-        return 0.0;
-    }
-    // An interval in the lower tail is mirrored: the difference of two probabilities near one would lose all digits.
-    let (low, high) = if high < 0.0 { (-high, -low) } else { (low, high) };
-    if low > FAR {
-        return -0.5 * low * low - (low * TAU.sqrt()).ln();
-    }
-    let beyond = |at: f64| 0.5 * erfc(at * FRAC_1_SQRT_2);
-    (beyond(low) - beyond(high)).max(f64::MIN_POSITIVE).ln()
+    let new = more.limits.iter().map(|limit| Unit { shared: &[], own: further.solve(|_| 0.0, Some(limit.0)) });
+    let units: Vec<Unit> = continued.chain(new).collect();
+    let product = |unit: &Unit, shared: &[f64], own: &[f64]| dot(unit.shared, shared) + dot(&unit.own, own);
+    let covariance = |i: usize, j: usize| product(&units[i], units[j].shared, &units[j].own);
+    let means = units.iter().map(|unit| product(unit, &factor.whitened, &further.whitened)).collect();
+    let limits = columns.limits.iter().chain(&more.limits);
+    let ranges: Vec<Range> = limits.map(|&(_, low, high)| Range { low, high }).collect();
+    let prior: f64 = ranges.iter().map(|range| range.log_probability()).sum();
+    Normals { ranges, means, covariance: &covariance }.log_probability() - prior
 }
 
 /// Scalar product of two vectors. It adds in the same order on every processor. Its loops use indices, because

@@ -10,6 +10,7 @@
 
 mod advice;
 mod all_rows;
+mod bounds;
 mod cancelled;
 mod candidate;
 mod candidates;

@@ -259,7 +259,7 @@ impl Parabola {
 
 #[cfg(test)]
 mod tests {
-    use super::super::factor::log_normal_between;
+    use super::super::bounds::{Normals, Range};
     use super::super::noise::{Series, Shape};
     use super::super::score::posterior;
     use super::*;
@@ -274,13 +274,18 @@ mod tests {
         let b: DVector<f64> = columns.cross(moments) * p;
         let explained = b.dot(&(matrix.clone().try_inverse().unwrap() * &b));
         let (mean, covariance) = posterior(moments, columns, sigma).unwrap();
-        let of = |&(i, low, high): &(usize, f64, f64)| {
-            let spread = covariance[(i, i)].sqrt();
-            log_normal_between((low - mean[i]) / spread, (high - mean[i]) / spread) - log_normal_between(low, high)
+        let ranges: Vec<Range> = columns.limits.iter().map(|&(_, low, high)| Range { low, high }).collect();
+        let prior: f64 = ranges.iter().map(|range| range.log_probability()).sum();
+        let number = |k: usize| columns.limits[k].0;
+        let within = Normals {
+            ranges,
+            means: columns.limits.iter().map(|limit| mean[limit.0]).collect(),
+            covariance: &|i, j| covariance[(number(i), number(j))],
         };
         -(moments.count as f64) * sigma.ln() - 0.5 * moments.square * p + 0.5 * explained
             - 0.5 * matrix.determinant().ln()
-            + columns.limits.iter().map(of).sum::<f64>()
+            + within.log_probability()
+            - prior
     }
 
     #[test]
