@@ -4,7 +4,7 @@ use crate::session::read::{all, both};
 use crate::session::report::pretty;
 use deflex::cell::extended;
 use deflex::correct::{Course, Options, Prepared};
-use deflex::drive::{DriveError, FittedLaw, Log, LogError, WayOfTurning, Waypoint, arc_turn, fit_law};
+use deflex::drive::{DriveError, FittedLaw, Log, LogError, PathLaw, WayOfTurning, Waypoint, arc_turn, fit_law};
 use deflex::identify::{self, Identification, Input, MeasuredRun, Progress, Written};
 use deflex::measured::{ColumnNames, Forces, Table};
 use deflex::program::{ArcTurn, Program, Role};
@@ -277,7 +277,8 @@ pub fn identify_path(
         turned(&mut read, turn);
     }
     let courses = all(read.iter().map(course))?;
-    let mut found = fit_law(robot, &runs(&courses, &read)).map_err(fault)?;
+    let declared = cell.cell.controller.path.map_or(PathLaw::TYPICAL, |path| path.law);
+    let mut found = fit_law(robot, &runs(&courses, &read), &declared.axis_acceleration).map_err(fault)?;
     found.arc_turn = turn;
     Ok(found)
 }

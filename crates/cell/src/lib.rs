@@ -206,8 +206,6 @@ pub struct ControllerPath {
     pub error_share: f64,
     /// Shortest time between two points for which the controller can plan a motion, s.
     pub planning: Option<f64>,
-    /// Largest acceleration of each axis as the pendant counts them, °/s².
-    pub axis_acceleration: Option<Joints>,
 }
 
 /// The `[cl]` table.

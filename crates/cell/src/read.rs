@@ -447,12 +447,14 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
             axis_lead: keys.axis_lead_s2.into(),
             acceleration: keys.acceleration_mm_s2.map_or(f64::INFINITY, |limit| 1e-3 * limit),
             corner_acceleration: keys.corner_acceleration_mm_s2.map_or(f64::INFINITY, |limit| 1e-3 * limit),
+            axis_acceleration: keys
+                .axis_acceleration_deg_s2
+                .map_or(PathLaw::AS_WRITTEN.axis_acceleration, |limits| limits.map(f64::to_radians).into()),
             lag: keys.lag_s.into(),
         },
         zone: keys.zone_mm.map(|mm| 1e-3 * mm),
         error_share: keys.error_share,
         planning: keys.planning_s,
-        axis_acceleration: keys.axis_acceleration_deg_s2.map(|axes| axes.into()),
     }
 }
 

@@ -307,7 +307,7 @@ compensates = []                # << "gravity", "geometry": what the controller 
 
 # The path that the controller drives. Find the law of your controller: deflex identify --log PROGRAM LOG.csv
 {path}
-# axis_acceleration_deg_s2 = [300, 300, 300, 600, 600, 900]   # limits of your axes: a warning names where they are passed
+# axis_acceleration_deg_s2 = [300, 300, 300, 600, 600, 900]   # limits of your axes: they slow the arm down
 
 # Tools and work objects, by the names in the program, that it uses and does not declare; and those of CL input.
 {frames}

@@ -8,7 +8,7 @@ use super::{Prepared, RAPID_MM_S, frames};
 use deflex_cell::Cell;
 use deflex_drive::{DriveError, Lead, PathLaw, SAMPLE_S, Waypoint, drive};
 use deflex_program::{Passing, Program, Target};
-use deflex_robot::{Joints, Pose};
+use deflex_robot::Pose;
 use deflex_text::{Diagnostic, Severity};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -388,7 +388,7 @@ impl Course {
             notes.push(note(message, "find the law of your controller: deflex identify --log PROGRAM LOG.csv"));
         }
         if let Some(path) = cell.controller.path {
-            notes.extend(path.axis_acceleration.and_then(|limits| self.fast_axes(program, cell, &limits)));
+            notes.extend(self.fast_axes(program, cell, &path.law));
             notes.extend(path.planning.and_then(|planning| self.short_motions(planning)));
             notes.extend(self.cut_zones());
             notes.extend(self.corner_failures());
@@ -430,21 +430,23 @@ impl Course {
         Some(warning.help("write a stop where the arm is to wait, or move the statement"))
     }
 
-    /// Warns of segments on which an axis would have to accelerate by more than its limit (°/s²). Lead and lag of the motors are not part
-    /// of the motion that the controller plans.
-    fn fast_axes(&self, program: &Program, cell: &Cell, limits: &Joints) -> Option<Diagnostic> {
-        let law = PathLaw { axis_lead: Joints::zeros(), lag: Joints::zeros(), ..cell.controller.path?.law };
-        let samples = drive(&cell.arm.robot, &law, &self.waypoints).ok()?;
-        let axes: Vec<[f64; 6]> =
-            samples.iter().map(|sample| cell.arm.robot.axes_deg_from_motor(&sample.motor)).collect();
+    /// Warns of segments on which an axis would have to accelerate by more than its limit, so that the controller drives them more slowly.
+    /// Lead and lag of the motors are not part of the motion that the controller plans.
+    fn fast_axes(&self, program: &Program, cell: &Cell, law: &PathLaw) -> Option<Diagnostic> {
+        if !law.limits_axes() {
+            return None;
+        }
+        let PathLaw { smoothing, zone_share, acceleration, corner_acceleration, .. } = *law;
+        let unlimited = PathLaw { smoothing, zone_share, acceleration, corner_acceleration, ..PathLaw::AS_WRITTEN };
+        let samples = drive(&cell.arm.robot, &unlimited, &self.waypoints).ok()?;
         // For each segment the largest share of a limit, with its axis and acceleration.
         let mut worst: BTreeMap<usize, (f64, usize, f64)> = BTreeMap::new();
-        for k in 1..axes.len().saturating_sub(1) {
+        for three in samples.windows(3) {
+            let bend = three[2].motor - three[1].motor * 2.0 + three[0].motor;
             for axis in 0..6 {
-                let bend = axes[k + 1][axis] - 2.0 * axes[k][axis] + axes[k - 1][axis];
-                let acceleration = (bend / SAMPLE_S.powi(2)).abs();
-                let share = acceleration / limits[axis];
-                let known = worst.entry(samples[k].waypoint).or_default();
+                let acceleration = (bend[axis] / SAMPLE_S.powi(2)).abs();
+                let share = acceleration / law.axis_acceleration[axis];
+                let known = worst.entry(three[1].waypoint).or_default();
                 if share > known.0 {
                     *known = (share, axis, acceleration);
                 }
@@ -453,10 +455,11 @@ impl Course {
         worst.retain(|_, (share, ..)| *share > 1.0);
         let (&waypoint, &(_, axis, acceleration)) = worst.iter().max_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
         let message = format!(
-            "axis {} would have to accelerate by {acceleration:.0} °/s² on the path to this target, and its limit is {:.0} °/s²; this \
-             is so on {} of {} paths",
+            "axis {} would have to accelerate by {:.0} °/s² on the path to this target, and its limit is {:.0} °/s²: the arm will be \
+             slower there than the program says; this is so on {} of {} paths",
             axis + 1,
-            limits[axis],
+            acceleration.to_degrees(),
+            law.axis_acceleration[axis].to_degrees(),
             worst.len(),
             self.waypoints.len().saturating_sub(1)
         );

@@ -168,7 +168,7 @@ impl Options {
 #[must_use]
 #[doc(hidden)]
 pub fn holds_whole(cell: &Cell) -> bool {
-    cell.stock.is_some() || cell.controller.path.is_some_and(|path| path.axis_acceleration.is_some())
+    cell.stock.is_some() || cell.controller.path.is_some_and(|path| path.law.limits_axes())
 }
 
 /// Whether a program can only be corrected as a whole, because of its cell or because its turns about the tool axis are still to be chosen.

@@ -62,6 +62,10 @@ const NUMBERS: usize = SHARED + 6;
 const LEAD_SIGMA: f64 = 4e-4;
 /// Number of places of a log that count as independent: the error of the law at one place is that at its neighbours too.
 const INDEPENDENT: f64 = 20.0;
+/// Directions across the path in which a place can be off.
+const ACROSS: f64 = 2.0;
+/// Standard deviations beyond which chance no longer explains that a law predicts better: one case in forty remains.
+const SIGMAS: f64 = 2.0;
 
 /// Distance of logs from a path, mm.
 ///
@@ -133,13 +137,17 @@ pub struct FittedLaw {
 }
 
 impl FittedLaw {
-    /// Share of the distance between driven and programmed path that the law does not explain in the held-out logs, 0 to 1; `None` if the
-    /// law predicts these logs no better than the programmed path does, and is not for use.
+    /// Share of the distance between driven and programmed path that the law does not explain in the held-out logs, 0 to 1; `None` if
+    /// chance may have made the law predict these logs better than the programmed path does: it is not for use.
     #[must_use]
     #[doc(hidden)]
     pub fn error_share(&self) -> Option<f64> {
-        let (before, after) = (self.before.rms_mm, self.after.rms_mm);
-        (after < before).then(|| after / before)
+        #[allow(clippy::cast_precision_loss)]
+        let numbers = ACROSS * INDEPENDENT * self.held_out_logs as f64;
+        // The relative standard deviation of an rms of n independent numbers is 1/√(2n).
+        let chance = SIGMAS / (2.0 * numbers).sqrt();
+        let share = self.after.rms_mm / self.before.rms_mm;
+        (share < 1.0 - chance).then_some(share)
     }
 }
 
@@ -185,12 +193,13 @@ struct LoggedPoint {
     time: f64,
 }
 
-/// Fits a law to logs of programs, each with its waypoints. About every fourth log is held out as a whole, at least one.
+/// Fits a law to logs of programs, each with its waypoints, for axes with known limits (rad/s²). About every fourth log is held out as a
+/// whole, at least one.
 ///
 /// # Errors
 /// Fewer than two logs; a log of another program; a program that cannot be followed.
 #[doc(hidden)]
-pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw, LogError> {
+pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)], axis_acceleration: &Joints) -> Result<FittedLaw, LogError> {
     if logs.len() < 2 {
         return Err(LogError::OneLog);
     }
@@ -206,7 +215,7 @@ pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)]) -> Result<FittedLaw,
     }
     let count = runs.len();
     let (held, fitted): (Vec<_>, Vec<_>) = runs.into_iter().partition(|(i, _)| is_held_out(*i, count));
-    let law = fit(robot, &fitted)?;
+    let law = fit(robot, &fitted, axis_acceleration)?;
     let compared = |law: Option<&PathLaw>| -> Result<Vec<Compared>, LogError> {
         held.par_iter().map(|(i, run)| run.compare(robot, law).map_err(|error| LogError::Path(*i, error))).collect()
     };
@@ -496,6 +505,7 @@ fn law_of(numbers: &DVector<f64>, of_axes: OfAxes) -> PathLaw {
         smoothing: [typical.smoothing[0] * factor(1), typical.smoothing[1] * factor(2)],
         acceleration: typical.acceleration * factor(3),
         corner_acceleration: typical.corner_acceleration * factor(4),
+        axis_acceleration: typical.axis_acceleration,
         axis_lead: match of_axes {
             OfAxes::Lead => Joints::from_fn(|axis, _| LEAD_SIGMA * numbers[SHARED + axis]),
             OfAxes::Lag => typical.axis_lead,
@@ -508,8 +518,12 @@ fn law_of(numbers: &DVector<f64>, of_axes: OfAxes) -> PathLaw {
 }
 
 /// The law that fits better: with a lead of each axis, or with a lag. Both have the same number of parameters.
-fn fit(robot: &Robot, runs: &[(usize, Run<'_>)]) -> Result<PathLaw, LogError> {
-    let (lead, lag) = (fit_with(robot, runs, OfAxes::Lead)?, fit_with(robot, runs, OfAxes::Lag)?);
+fn fit(robot: &Robot, runs: &[(usize, Run<'_>)], axis_acceleration: &Joints) -> Result<PathLaw, LogError> {
+    let of = |axes: OfAxes| {
+        let law = |numbers: &DVector<f64>| PathLaw { axis_acceleration: *axis_acceleration, ..law_of(numbers, axes) };
+        fit_with(robot, runs, &law)
+    };
+    let (lead, lag) = (of(OfAxes::Lead)?, of(OfAxes::Lag)?);
     let mut law = if lag.1 < lead.1 { lag.0 } else { lead.0 };
     for number in law.axis_lead.iter_mut().chain(&mut law.lag).filter(|number| number.abs() < NEGLIGIBLE) {
         *number = 0.0;
@@ -518,9 +532,13 @@ fn fit(robot: &Robot, runs: &[(usize, Run<'_>)]) -> Result<PathLaw, LogError> {
 }
 
 /// Least squares by the method of Levenberg and Marquardt, with the prior as further rows: the law and its sum of squares.
-fn fit_with(robot: &Robot, runs: &[(usize, Run<'_>)], of_axes: OfAxes) -> Result<(PathLaw, f64), LogError> {
+fn fit_with(
+    robot: &Robot,
+    runs: &[(usize, Run<'_>)],
+    law_of: &(impl Fn(&DVector<f64>) -> PathLaw + Sync),
+) -> Result<(PathLaw, f64), LogError> {
     let residuals = |numbers: &DVector<f64>| -> Result<DVector<f64>, LogError> {
-        let law = law_of(numbers, of_axes);
+        let law = law_of(numbers);
         let all: Result<Vec<Compared>, LogError> = runs
             .par_iter()
             .map(|(i, run)| run.compare(robot, Some(&law)).map_err(|error| LogError::Path(*i, error)))
@@ -572,12 +590,26 @@ fn fit_with(robot: &Robot, runs: &[(usize, Run<'_>)], of_axes: OfAxes) -> Result
             break;
         }
     }
-    Ok((law_of(&numbers, of_axes), here.norm_squared()))
+    Ok((law_of(&numbers), here.norm_squared()))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::{LoggedPoint, Vector3, in_step};
+    use super::{FittedLaw, LoggedPoint, PathError, PathLaw, RunTime, Vector3, in_step};
+
+    #[test]
+    fn a_law_that_chance_explains_is_not_for_use() {
+        let error_share = |held_out_logs: usize, share: f64| {
+            let [before, after] = [0.3, 0.3 * share].map(|rms_mm| PathError { rms_mm, max_mm: 1.0 });
+            let (law, run_time_s) = (PathLaw::TYPICAL, RunTime::default());
+            FittedLaw { law, arc_turn: None, fitted_logs: 3, held_out_logs, before, after, run_time_s }.error_share()
+        };
+        // 40 numbers of a log: the rms is uncertain by 1/√80 of itself, 11 %.
+        assert_eq!(error_share(1, 0.79), None);
+        assert!(error_share(1, 0.76).is_some_and(|share| (share - 0.76).abs() < 1e-9));
+        assert_eq!(error_share(10, 0.95), None);
+        assert!(error_share(10, 0.9).is_some());
+    }
 
     /// At 300 mm/s a place every 8 ms; the arm bends its path by 0.64 mm there at most.
     #[test]

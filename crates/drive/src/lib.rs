@@ -5,8 +5,8 @@
 //! it cuts a bend. [`drive`] computes that path from the programmed one in four steps:
 //!
 //! 1. *Route*: the programmed lines and arcs, with a parabola over each corner that is passed in a zone ([`PathLaw::zone_share`]).
-//! 2. *Speed*: the largest speed along the route that keeps the programmed feed, the acceleration along the path, and the
-//!    acceleration across corners and bends.
+//! 2. *Speed*: the largest speed along the route that keeps the programmed feed, the acceleration along the path, the
+//!    acceleration across corners and bends, and the acceleration of each axis.
 //! 3. *Smoothing*: two moving averages of the motor angles over time ([`PathLaw::smoothing`]).
 //! 4. *Axes*: each motor leads its axis by a share of the acceleration ([`PathLaw::axis_lead`]), and trails its command by a time
 //!    of its own ([`PathLaw::lag`]).
@@ -69,6 +69,8 @@ pub struct PathLaw {
     pub acceleration: f64,
     /// Largest acceleration across the path, in corners and bends, m/s².
     pub corner_acceleration: f64,
+    /// Largest acceleration of each motor angle, rad/s².
+    pub axis_acceleration: Joints,
     /// Time by which each axis trails its command, s. The part that all axes have in common delays the motion without
     /// changing its path.
     pub lag: Joints,
@@ -82,6 +84,7 @@ impl PathLaw {
         axis_lead: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         acceleration: 8.0,
         corner_acceleration: 4.0,
+        axis_acceleration: UNLIMITED,
         lag: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     };
 
@@ -93,6 +96,7 @@ impl PathLaw {
         axis_lead: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         acceleration: f64::INFINITY,
         corner_acceleration: f64::INFINITY,
+        axis_acceleration: UNLIMITED,
         lag: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     };
 
@@ -108,18 +112,43 @@ impl PathLaw {
         ((self.smoothing[0].powi(2) + self.smoothing[1].powi(2)) / 12.0).sqrt()
     }
 
-    /// Largest speed (m/s) at which the route may pass a corner, for the length of the change of the unit direction there and
-    /// the radius of its rounding (m).
+    /// Largest speed (m/s) at which the route may pass a corner with a rounding of a radius (m).
+    fn corner_speed(&self, corner: &Turn, radius: f64) -> f64 {
+        let axes = corner.axes.iter().zip(&self.axis_acceleration);
+        let limits = axes.map(|(turn, most)| self.turning_speed(turn.abs(), *most, radius));
+        limits.fold(self.turning_speed(corner.tcp, self.corner_acceleration, radius), f64::min)
+    }
+
+    /// Largest speed (m/s) at which a quantity keeps its largest acceleration in a corner, for the change there of its derivative by the
+    /// length of the route.
     ///
-    /// The change of velocity, `turn · v`, takes the time of the rounding, `2 r / v`, and that of the smoothing.
-    fn corner_speed(&self, turn: f64, radius: f64) -> f64 {
-        if turn <= 0.0 || self.corner_acceleration.is_infinite() {
+    /// The change of its rate, `turn · v`, takes the time of the rounding, `2 r / v`, or that of the smoothing if this is longer.
+    fn turning_speed(&self, turn: f64, acceleration: f64, radius: f64) -> f64 {
+        if turn <= 0.0 || acceleration.is_infinite() {
             return f64::INFINITY;
         }
-        let smoothed = self.corner_acceleration * self.spread();
-        let rounded = 8.0 * turn * self.corner_acceleration * radius;
-        (smoothed + (smoothed.powi(2) + rounded).sqrt()) / (2.0 * turn)
+        f64::max((2.0 * acceleration * radius / turn).sqrt(), acceleration * self.spread() / turn)
     }
+
+    /// Whether the acceleration of any axis has a limit.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn limits_axes(&self) -> bool {
+        self.axis_acceleration.iter().any(|limit| limit.is_finite())
+    }
+}
+
+/// No limit of any axis.
+const UNLIMITED: Joints =
+    Joints::new(f64::INFINITY, f64::INFINITY, f64::INFINITY, f64::INFINITY, f64::INFINITY, f64::INFINITY);
+
+/// How a route turns at a corner.
+#[derive(Clone, Copy, Debug, Default)]
+struct Turn {
+    /// Length of the change of the TCP's unit direction.
+    tcp: f64,
+    /// Change of each motor angle's derivative by the length of the route, rad/m.
+    axes: Joints,
 }
 
 /// The kind of a motion.

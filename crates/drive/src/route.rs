@@ -1,6 +1,6 @@
 //! The programmed lines and arcs with their corners rounded, as motor angles at closely spaced points.
 
-use super::{DriveError, Lead, PathLaw, REORIENTATION_RAD_S, Track, Waypoint};
+use super::{DriveError, Lead, PathLaw, REORIENTATION_RAD_S, Track, Turn, Waypoint};
 use deflex_robot::{Joints, Pose, Robot, turn_between};
 use nalgebra::{Translation3, Vector3};
 
@@ -23,6 +23,8 @@ const PARABOLA_TURN: f64 = 0.04;
 const LEAST_SHARE: f64 = 0.05;
 /// A segment shorter than this has no length, m: no controller resolves it.
 const NO_LENGTH: f64 = 1e-9;
+/// Share of a segment over which its derivatives at an end are taken: its bend over a thousandth changes them by as little.
+const AT_END: f64 = 1e-3;
 
 /// One point of a route.
 #[derive(Clone, Copy, Debug)]
@@ -33,8 +35,9 @@ pub(super) struct Knot {
     pub(super) place: Vector3<f64>,
     /// Length of the route from the point before, m; a reorientation counts as the length that takes as long at the feed.
     pub(super) length: f64,
-    /// Largest speed from the point before to this one, m/s.
+    /// Largest speed from the point before to this one, m/s, and acceleration along the route, m/s².
     pub(super) speed: f64,
+    pub(super) acceleration: f64,
     /// Whether the motion comes to rest here.
     pub(super) stops: bool,
     /// Index of the waypoint at the end of the segment, plus the covered share of the segment, less 1.
@@ -63,6 +66,8 @@ struct Segment {
     speed: f64,
     /// Unit directions of the TCP at its start and at its end, base frame; zero if it does not move.
     directions: [Vector3<f64>; 2],
+    /// Derivatives there of the motor angles by the length, rad/m; zero if the law does not limit the axes.
+    rates: [Joints; 2],
     /// The curve of a line or an arc; `None` for a joint motion.
     track: Option<Track>,
     /// Length, counted as [`Knot::length`], m.
@@ -103,6 +108,7 @@ impl Segment {
             index,
             speed: to.feed.min(bend),
             directions: [0.0, 1.0].map(|share| direction(share).unwrap_or_else(Vector3::zeros)),
+            rates: [Joints::zeros(); 2],
             track,
             length,
             turn,
@@ -118,6 +124,13 @@ impl Segment {
             } else {
                 segment.motor(robot, 0.5, &mean).ok().map(|motor| motor - mean)
             };
+        }
+        if law.limits_axes() && length > NO_LENGTH {
+            let rate = |[from, to]: [f64; 2], near: &Joints| {
+                let [from, to] = [from, to].map(|share| segment.motor(robot, share, near).unwrap_or(*near));
+                (to - from) / (AT_END * length)
+            };
+            segment.rates = [rate([0.0, AT_END], &segment.from), rate([1.0 - AT_END, 1.0], &segment.to)];
         }
         segment
     }
@@ -140,9 +153,9 @@ impl Segment {
         reached.map_err(|_| DriveError::Unreachable { waypoint: self.index })
     }
 
-    /// Length of the change of the unit direction at the corner to the next segment.
-    fn turns_to(&self, next: &Self) -> f64 {
-        (next.directions[0] - self.directions[1]).norm()
+    /// The corner to the next segment.
+    fn turns_to(&self, next: &Self) -> Turn {
+        Turn { tcp: (next.directions[0] - self.directions[1]).norm(), axes: next.rates[0] - self.rates[1] }
     }
 }
 
@@ -190,7 +203,8 @@ impl<'r> Router<'r> {
         let Some(last) = &self.last else {
             let place = to.base_from_tcp.translation.vector;
             self.last = Some(*to);
-            self.push(Knot { motor: to.motor, place, length: 0.0, speed: to.feed, stops: true, progress: 0.0 });
+            let (motor, speed, acceleration) = (to.motor, to.feed, self.law.acceleration);
+            self.push(Knot { motor, place, length: 0.0, speed, acceleration, stops: true, progress: 0.0 });
             return Ok(());
         };
         let mut next = Segment::new(self.robot, &self.law, last, to, index);
@@ -207,7 +221,7 @@ impl<'r> Router<'r> {
                 begins = segment.radius / next.length;
             } else if segment.zone.is_some() {
                 // Without a rounding, the speed limit of the corner applies at its point.
-                self.limit_last(self.law.corner_speed(segment.turns_to(&next), 0.0));
+                self.limit_last(self.law.corner_speed(&segment.turns_to(&next), 0.0));
             } else {
                 self.stop_last();
             }
@@ -233,7 +247,7 @@ impl<'r> Router<'r> {
         // A controller limits a zone to half of the shorter segment, and rounds within a share of that. Two roundings never overlap.
         segment.radius = (law.zone_share * radius.min(room)).min(room);
         let is_even = segment.speed.total_cmp(&next.speed).is_eq();
-        let keeps = is_even && law.corner_speed(segment.turns_to(next), segment.radius) >= segment.speed;
+        let keeps = is_even && law.corner_speed(&segment.turns_to(next), segment.radius) >= segment.speed;
         (segment.changes[1], next.changes[0]) = (!keeps, !keeps);
     }
 
@@ -243,9 +257,29 @@ impl<'r> Router<'r> {
         self.knots.drain(..known)
     }
 
-    fn push(&mut self, knot: Knot) {
+    fn push(&mut self, mut knot: Knot) {
+        let moved = (knot.motor - self.near).abs();
+        let limits = self.law.axis_acceleration.iter().zip(&moved).map(|(limit, moved)| limit * knot.length / moved);
+        knot.acceleration = limits.fold(knot.acceleration, f64::min);
         self.near = knot.motor;
         self.knots.push(knot);
+    }
+
+    /// Limits the speed along the last knots, which are at even lengths, so that no axis accelerates too much because the motor angles bend.
+    fn limit_bends(&mut self, count: usize) {
+        if !self.law.limits_axes() {
+            return;
+        }
+        let first = self.knots.len().saturating_sub(count + 1);
+        for i in first + 1..self.knots.len().saturating_sub(1) {
+            let [before, here, after] = [i - 1, i, i + 1].map(|i| self.knots[i].motor);
+            let bend = (after - here * 2.0 + before) / self.knots[i].length.powi(2);
+            let limits = self.law.axis_acceleration.iter().zip(&bend).map(|(limit, bend)| (limit / bend.abs()).sqrt());
+            let speed = limits.fold(f64::INFINITY, f64::min);
+            for knot in &mut self.knots[i..=i + 1] {
+                knot.speed = knot.speed.min(speed);
+            }
+        }
     }
 
     fn stop_last(&mut self) {
@@ -268,7 +302,7 @@ impl<'r> Router<'r> {
             return Ok(());
         }
         let is_even = segment.track.is_some() && segment.changes == [false; 2];
-        let speed = segment.speed;
+        let (speed, acceleration) = (segment.speed, self.law.acceleration);
         let count = intervals(length, if is_even { segment.turn * (to - from) / TURN } else { f64::INFINITY });
         for k in 1..=count {
             let share = from + (to - from) * part(k, count);
@@ -278,8 +312,17 @@ impl<'r> Router<'r> {
                 None => (robot.forward(&motor) * segment.flange_from_tcp).translation.vector,
             };
             let progress = progress(segment.index, share);
-            self.push(Knot { motor, place, length: length * part(1, count), speed, stops: false, progress });
+            self.push(Knot {
+                motor,
+                place,
+                length: length * part(1, count),
+                speed,
+                acceleration,
+                stops: false,
+                progress,
+            });
         }
+        self.limit_bends(count);
         Ok(())
     }
 
@@ -289,8 +332,8 @@ impl<'r> Router<'r> {
         let (robot, law) = (self.robot, self.law);
         let radius = segment.radius;
         let directions = [segment.directions[1], next.directions[0]];
-        let turn = segment.turns_to(next);
-        let speed = segment.speed.min(next.speed).min(law.corner_speed(turn, radius));
+        let corner = segment.turns_to(next);
+        let (turn, speed) = (corner.tcp, segment.speed.min(next.speed).min(law.corner_speed(&corner, radius)));
         let turned = (segment.turn / segment.length + next.turn / next.length) * radius;
         let bends = (0.25 * radius * turn / FLAT).sqrt().max(turned / TURN);
         let is_path = segment.track.is_some() && next.track.is_some();
@@ -337,7 +380,7 @@ impl<'r> Router<'r> {
                 progress(next.index, radius * (2.0 * passed - 1.0) / next.length)
             };
             let length = 2.0 * radius * part(1, count) * shorter(passed - 0.5 * part(1, count));
-            self.push(Knot { motor, place, length, speed, stops: false, progress });
+            self.push(Knot { motor, place, length, speed, acceleration: law.acceleration, stops: false, progress });
         }
         Ok(())
     }

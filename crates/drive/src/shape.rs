@@ -15,7 +15,7 @@ use super::envelope::Envelope;
 use super::route::Route;
 use super::smoothing;
 use super::smoothing::{Response, Timeline};
-use super::{DriveError, DrivenSample, Lead, PathLaw, Waypoint, log, speed};
+use super::{DriveError, DrivenSample, Lead, PathLaw, Turn, Waypoint, log, speed};
 use deflex_robot::{Pose, Robot};
 use nalgebra::{Matrix3, Translation3, Vector3};
 use rayon::prelude::*;
@@ -463,7 +463,8 @@ impl Shaper<'_> {
         let direction = |waypoint, share| self.path.track(waypoint).and_then(|track| track.tangent(share));
         let turn =
             direction(waypoint, 1.0).zip(direction(waypoint + 1, 0.0)).map_or(0.0, |(into, out)| (out - into).norm());
-        let speed = self.waypoints[waypoint].feed.min(self.law.corner_speed(turn, 0.0));
+        let speed =
+            self.waypoints[waypoint].feed.min(self.law.corner_speed(&Turn { tcp: turn, ..Turn::default() }, 0.0));
         let mut before = 0.0;
         let at = |distance: &f64| {
             let least = ADDED_LEAST * distance / distances[0];

@@ -96,7 +96,7 @@ impl Clock {
 
     /// Largest growth of the square of the speed on the way to a knot, m²/s².
     fn gains(&self, i: usize) -> f64 {
-        2.0 * self.law.acceleration * self.open[i].length
+        2.0 * self.open[i].acceleration * self.open[i].length
     }
 
     /// The speeds that the limits at each knot and accelerating up to it allow.
@@ -130,12 +130,11 @@ impl Clock {
             }
             square = if i > 0 { self.brake(i, square) } else { square };
         }
-        let acceleration = self.law.acceleration;
         for (knot, square) in self.open.drain(..count).zip(self.squares.drain(..count)) {
             let mut time = 0.0;
             if let Some(before) = self.before {
                 time = before.time + if before.rests { self.law.settling() } else { 0.0 };
-                let parts = parts(acceleration, [before.square, square], &knot);
+                let parts = parts([before.square, square], &knot);
                 let mut gone = 0.0;
                 for (n, (length, lasts)) in parts.iter().enumerate() {
                     time += lasts;
@@ -162,7 +161,8 @@ impl Clock {
 
 /// Lengths (m) and durations (s) of the parts of the way to a knot on which the acceleration is the same: the motion accelerates up to the
 /// speed limit, keeps it, and brakes to the speed at the knot. `squares` are those of the speed at the start and at the end, m²/s².
-fn parts(acceleration: f64, squares: [f64; 2], knot: &Knot) -> SmallVec<[(f64, f64); 3]> {
+fn parts(squares: [f64; 2], knot: &Knot) -> SmallVec<[(f64, f64); 3]> {
+    let acceleration = knot.acceleration;
     // With an infinite acceleration, the arm has the speed limit of a stretch from its start to its end.
     if acceleration.is_infinite() {
         return smallvec![(knot.length, knot.length / knot.speed)];

@@ -129,11 +129,46 @@ fn a_corner_is_passed_as_slowly_as_the_acceleration_across_it_asks() {
     // Without a rounding the change of velocity, √2 v at a right angle, takes the spread of the smoothing: √(2 · 0.06² / 12) s.
     let turn = 2f64.sqrt();
     let spread = (2.0 * 0.06f64.powi(2) / 12.0).sqrt();
-    assert_relative_eq!(law.corner_speed(turn, 0.0), 4.0 * spread / turn, epsilon = 1e-12);
-    // With one of radius r it takes 2 r / v longer.
-    let (radius, speed) = (0.01, law.corner_speed(turn, 0.01));
-    assert_relative_eq!(turn * speed / (spread + 2.0 * radius / speed), 4.0, epsilon = 1e-9);
-    assert!(law.corner_speed(0.0, 0.0).is_infinite());
+    let corner = |tcp: f64| Turn { tcp, ..Turn::default() };
+    assert_relative_eq!(law.corner_speed(&corner(turn), 0.0), 4.0 * spread / turn, epsilon = 1e-12);
+    // With a rounding of radius r it takes 2 r / v, if this is longer.
+    let (radius, speed) = (0.01, law.corner_speed(&corner(turn), 0.01));
+    assert_relative_eq!(turn * speed / (2.0 * radius / speed), 4.0, epsilon = 1e-9);
+    assert_relative_eq!(law.corner_speed(&corner(turn), 1e-6), 4.0 * spread / turn, epsilon = 1e-12);
+    assert!(law.corner_speed(&corner(0.0), 0.0).is_infinite());
+    // An axis that turns by 1 rad/m, in either direction, and keeps 2 rad/s².
+    let law = PathLaw { axis_acceleration: Joints::repeat(2.0), ..law };
+    let corner = Turn { tcp: 0.0, axes: Joints::new(0.0, 0.0, -1.0, 0.0, 0.5, 0.0) };
+    assert_relative_eq!(law.corner_speed(&corner, 0.0), 2.0 * spread, epsilon = 1e-12);
+}
+
+#[test]
+fn no_axis_accelerates_more_than_its_limit() {
+    let bench = Bench::new();
+    let limited = |limit: f64| PathLaw { axis_acceleration: Joints::repeat(limit), ..PLAIN };
+    let samples = |law: &PathLaw, waypoints: &[Waypoint]| drive(&bench.robot, law, waypoints).expect("within reach");
+    // Axis 1 alone turns by 0.2 rad, from rest to rest at 0.5 rad/s²: 2 √(angle/a).
+    let start = bench.waypoint([0.0, 0.0], Lead::Joints, None);
+    let motor = start.motor + Joints::new(0.2, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let base_from_tcp = bench.robot.forward(&motor);
+    let turn = [start, Waypoint { motor, base_from_tcp, feed: 5.0, ..start }];
+    let lasts = samples(&limited(0.5), &turn).last().map_or(0.0, |last| last.time);
+    assert_relative_eq!(lasts, 2.0 * (0.2f64 / 0.5).sqrt(), epsilon = 2.0 * SAMPLE_S);
+    // A line at 0.5 m/s past axis 1 at a distance of d = 0.6 m. The angle atan(s/d) bends most at s = d/√3, by 3√3/(8 d²).
+    let line =
+        [[-600.0, -1200.0], [-600.0, 1200.0]].map(|at| Waypoint { feed: 0.5, ..bench.waypoint(at, Lead::Line, None) });
+    let law = PathLaw { axis_acceleration: Joints::new(0.03, 1e3, 1e3, 1e3, 1e3, 1e3), ..PLAIN };
+    let path = bench.driven(&law, &line);
+    let at = path.iter().position(|place| place.y > 1e3 * 0.6 / 3f64.sqrt()).expect("on the line");
+    let speed = 1e-3 * (path[at + 1].y - path[at - 1].y) / (2.0 * SAMPLE_S);
+    assert_relative_eq!(speed, (0.03 * 8.0 * 0.6f64.powi(2) / 27f64.sqrt()).sqrt(), max_relative = 0.01);
+    // In a smoothed corner and at its sides. The limit applies to speeding up and to turning, which may come together.
+    let law = PathLaw { smoothing: [0.05, 0.05], ..limited(0.3) };
+    let corner = samples(&law, &bench.corner(Some(5.0)));
+    for three in corner.windows(3) {
+        let bend = (three[2].motor - three[1].motor * 2.0 + three[0].motor) / SAMPLE_S.powi(2);
+        assert!(bend.amax() < 2.0 * 0.3, "{} at {} s", bend.amax(), three[1].time);
+    }
 }
 
 #[test]
@@ -204,11 +239,11 @@ fn a_law_is_found_again_in_logs_that_it_made() {
         })
         .collect();
     let logs: Vec<_> = runs.iter().map(|(waypoints, log)| (&waypoints[..], log)).collect();
-    let found = fit_law(&bench.robot, &logs).expect("five logs");
+    let found = fit_law(&bench.robot, &logs, &PLAIN.axis_acceleration).expect("five logs");
     assert_eq!((found.fitted_logs, found.held_out_logs), (4, 1));
     assert!(found.after.max_mm < 0.1 * found.before.max_mm, "{found:?}");
     assert!((found.run_time_s.measured - found.run_time_s.predicted).abs() < 0.02, "{found:?}");
-    assert_eq!(fit_law(&bench.robot, &logs[..1]).err(), Some(LogError::OneLog));
+    assert_eq!(fit_law(&bench.robot, &logs[..1], &PLAIN.axis_acceleration).err(), Some(LogError::OneLog));
 }
 
 /// Whatever the waypoints say, the orientations of the tool in a log decide how the controller turns it on an arc.

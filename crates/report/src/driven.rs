@@ -86,7 +86,7 @@ pub fn path_law_text(found: &FittedLaw) -> String {
     if found.error_share().is_none() {
         let _ = writeln!(
             text,
-            "  the cell does not get this law: the programmed path predicts the logs at least as well. Are all logs of one robot and one state of it?"
+            "  the cell does not get this law: on logs that it has not seen, it is no better than the programmed path. Are all logs of one robot and one state of it?"
         );
     }
     text
