@@ -549,6 +549,7 @@ fn hard_programs_are_right_or_kept_with_a_reason() {
 
 /// The turn of a user frame is that about the fixed axes x, y, z by W, P, R; each motion has the values that were set last.
 #[test]
+#[allow(clippy::float_cmp)] // numbers that the program states, to the bit
 fn frames_have_the_values_of_the_position_register() {
     let set = |numbers: [f64; 6], wanted: &str| {
         let elements = (1..).zip(numbers).map(|(element, number)| format!("PR[9,{element}]={number:.3}\n"));

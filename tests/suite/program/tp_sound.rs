@@ -400,8 +400,9 @@ fn judge(lines: &[(String, Does)], seed: u64) -> Result<usize, TestCaseError> {
                     (Some([x, y, z, w, 0, 0]), Some(data)) => {
                         let half = f64::from(w).to_radians() / 2.0;
                         let turn = [half.cos(), half.sin(), 0.0, 0.0];
-                        data.uframe_mm == [x, y, z].map(f64::from)
-                            && data.uframe_quat.iter().zip(turn).all(|(a, b)| (a - b).abs() < 1e-9)
+                        let numbers = data.uframe_mm.iter().chain(&data.uframe_quat);
+                        let wanted = [x, y, z].map(f64::from).into_iter().chain(turn);
+                        numbers.zip(wanted).all(|(number, wanted)| (number - wanted).abs() < 1e-9)
                     }
                     _ => false,
                 };
