@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal, get_args
+from typing import Any, Literal, get_args, get_type_hints
 
 import numpy as np
 import numpy.typing as npt
@@ -16,20 +16,16 @@ from deflex._tables import Table, given
 Path = str | os.PathLike[str]
 AnyProgram = Program | Path | Sequence[Path]
 Progress = Callable[[int, int], object]
-#: Languages of controllers, in which CL data and plans are posted.
-Controller = Literal["rapid", "krl", "ls", "ur", "jbi"]
-#: Languages in which CL data are posted: `cl` keeps them as CL data for another post-processor.
-Posted = Literal["rapid", "krl", "ls", "ur", "jbi", "cl"]
-What = Literal["pose", "position"]
-#: When the program of a plan waits for the operator.
-Ask = Literal["never", "load", "target"]
 
 
-def _one_of(name: str, value: object, words: object) -> None:
-    """Raises ValueError unless the value is one of the words of a Literal."""
-    known = get_args(words)
-    if value not in known:
-        raise ValueError(f"{name} is {value!r}, expected one of {', '.join(map(repr, known))}")
+def _check_words(function: Callable[..., Any], **values: object) -> None:
+    """Raises ValueError for a value that is none of the words in the Literal of its parameter."""
+    for name, value in values.items():
+        hint = get_type_hints(function)[name]
+        # An optional parameter is a union of its Literal and None.
+        words = [word for part in get_args(hint) for word in get_args(part) or (part,)]
+        if value not in words and not (value is None and type(None) in words):
+            raise ValueError(f"{name} is {value!r}, expected one of {', '.join(repr(w) for w in words if isinstance(w, str))}")
 
 
 def _program(program: AnyProgram) -> Program:
@@ -40,10 +36,9 @@ def _cell(cell: Cell | Path) -> Cell:
     return cell if isinstance(cell, Cell) else Cell.read(cell)
 
 
-def _asked(**options: Any) -> dict[str, Any]:
+def _options(**options: Any) -> dict[str, Any]:
     correct = options.pop("correct", "pose")
-    _one_of("post", options.get("post", "rapid"), Posted)
-    _one_of("correct", correct, What)
+    _check_words(compensate, post=options.get("post", "rapid"), correct=correct)
     for name in ("subdivide_mm", "rapid_mm_s", "feed_mm_s"):
         value = options.get(name)
         if value is not None and not 0 < value < float("inf"):
@@ -82,7 +77,7 @@ def predict(
     forced = None if forces is None else given(forces, "<forces>")
     original = None if against is None else _program(against)
     held = (_program(program), _cell(cell))
-    return Prediction(_deflex.predict(held, forced, original, _asked(tool=tool, free_spin=free_spin), progress))
+    return Prediction(_deflex.predict(held, forced, original, _options(tool=tool, free_spin=free_spin), progress))
 
 
 def compensate(
@@ -90,13 +85,13 @@ def compensate(
     cell: Cell | Path,
     forces: Table | None = None,
     *,
-    correct: What = "pose",
+    correct: Literal["pose", "position"] = "pose",
     tool: str | None = None,
     subdivide_mm: float | None = None,
     allow_clones: bool = False,
     free_spin: bool = False,
     again: bool = False,
-    post: Posted = "rapid",
+    post: Literal["rapid", "krl", "ls", "ur", "jbi", "cl"] = "rapid",
     name: str | None = None,
     max_targets: int | None = None,
     rapid_mm_s: float | None = None,
@@ -118,7 +113,7 @@ def compensate(
     '%%%'
     """
     forced = None if forces is None else given(forces, "<forces>")
-    asked = _asked(
+    options = _options(
         correct=correct,
         tool=tool,
         subdivide_mm=subdivide_mm,
@@ -131,7 +126,7 @@ def compensate(
         rapid_mm_s=rapid_mm_s,
         feed_mm_s=feed_mm_s,
     )
-    return Correction(_deflex.compensate((_program(program), _cell(cell)), forced, asked, progress))
+    return Correction(_deflex.compensate((_program(program), _cell(cell)), forced, options, progress))
 
 
 def simulate(
@@ -154,7 +149,7 @@ def simulate(
     forced = None if forces is None else given(forces, "<forces>")
     original = None if against is None else _program(against)
     held = (_program(program), _cell(cell))
-    return Simulation(_deflex.simulate(held, forced, original, _asked(tool=tool, free_spin=free_spin), progress))
+    return Simulation(_deflex.simulate(held, forced, original, _options(tool=tool, free_spin=free_spin), progress))
 
 
 def identify(
@@ -198,8 +193,8 @@ def plan(
     pool: Iterable[AnyProgram] = (),
     after: Identification | None = None,
     name: str = "plan",
-    post: Controller | None = None,
-    ask: Ask = "never",
+    post: Literal["rapid", "krl", "ls", "ur", "jbi"] | None = None,
+    ask: Literal["never", "load", "target"] = "never",
     progress: Progress | None = None,
 ) -> Planned:
     """Plans what to measure, so that effects can be distinguished: `deflex plan`.
@@ -213,9 +208,7 @@ def plan(
     """
     if not 8 <= rows <= 500:
         raise ValueError(f"rows is {rows!r}, expected 8 to 500")
-    _one_of("ask", ask, Ask)
-    if post is not None:
-        _one_of("post", post, Controller)
+    _check_words(plan, ask=ask, post=post)
     undecided = None if after is None else json.dumps(after.json)
     programs = [_program(program) for program in pool]
     return Planned(_deflex.plan(_cell(cell), rows, programs, undecided, (name, post, ask), progress))
