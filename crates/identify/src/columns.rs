@@ -11,6 +11,7 @@ const NUGGET: f64 = 1e-6;
 /// A prior under which the numbers of one effect depend on one another, such as the knots of a smooth curve.
 #[derive(Debug)]
 pub(super) struct Smoothness {
+    covariance: DMatrix<f64>,
     /// Inverse covariance, in typical sizes.
     pub(super) precision: DMatrix<f64>,
     /// Half the log determinant of the precision.
@@ -25,12 +26,9 @@ impl Smoothness {
         /// measurements.
         const CAUTION: f64 = 4.0;
         let n = typical.len();
-        let scaled = DMatrix::from_fn(n, n, |i, j| {
+        Self::from_covariance(DMatrix::from_fn(n, n, |i, j| {
             CAUTION * covariance[(i, j)] / (typical[i] * typical[j]) + if i == j { NUGGET } else { 0.0 }
-        });
-        let factor = scaled.cholesky()?;
-        let half_log_det = -factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
-        Some(Self { precision: factor.inverse(), half_log_det })
+        }))
     }
 
     /// The Matérn prior with ν = 3/2 of knots at these angles, degrees, with a length scale, degrees, and a standard
@@ -41,9 +39,19 @@ impl Smoothness {
             let apart = 3f64.sqrt() * (knots_deg[i] - knots_deg[j]).abs() / reach_deg;
             (1.0 + apart) * (-apart).exp() + if i == j { NUGGET } else { 0.0 }
         });
-        let factor = (covariance * (size * size)).cholesky()?;
+        Self::from_covariance(covariance * (size * size))
+    }
+
+    /// The prior of combinations of the numbers. Each column of `combinations` has the factors of one.
+    fn of_combinations(&self, combinations: &DMatrix<f64>) -> Option<Self> {
+        Self::from_covariance(combinations.tr_mul(&(&self.covariance * combinations)))
+    }
+
+    /// `None` if the covariance, in typical sizes, is not positive definite.
+    fn from_covariance(covariance: DMatrix<f64>) -> Option<Self> {
+        let factor = covariance.clone().cholesky()?;
         let half_log_det = -factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
-        Some(Self { precision: factor.inverse(), half_log_det })
+        Some(Self { precision: factor.inverse(), covariance, half_log_det })
     }
 }
 
@@ -78,6 +86,43 @@ impl Columns {
     pub(super) fn full_size(&self) -> Self {
         let list = self.list.iter().map(|&(column, _)| (column, 1.0)).collect();
         Self { curves: self.curves.clone(), ..Self::independent(list) }
+    }
+
+    /// The same set with each curve replaced by the combinations of its knots that the rows of `moments` depend on, as
+    /// many as there are angles in few rows. Evidence and σ stay the same, because the data say nothing of the others.
+    /// `None` if no curve has fewer combinations than knots.
+    pub(super) fn seen(&self, moments: &Moments) -> Option<Seen> {
+        /// Least eigenvalue of a combination that counts, as a share of the largest: the rows then depend on what is
+        /// left out a millionth as much.
+        const LEAST: f64 = 1e-12;
+        if self.curves.is_empty() {
+            return None;
+        }
+        let gram = self.gram(moments);
+        let mut basis = DMatrix::identity(self.list.len(), self.list.len());
+        let mut columns = Self { list: Vec::new(), curves: Vec::new(), ..self.clone() };
+        let mut kept = vec![true; self.list.len()];
+        let mut positions = Vec::new();
+        for (at, smooth) in &self.curves {
+            let knots = smooth.covariance.nrows();
+            let eigen = gram.view((*at, *at), (knots, knots)).into_owned().symmetric_eigen();
+            let least = LEAST * eigen.eigenvalues.max();
+            let seen: Vec<usize> = (0..knots).filter(|&i| eigen.eigenvalues[i] > least).collect();
+            let combinations = eigen.eigenvectors.select_columns(&seen);
+            basis.view_mut((*at, *at), combinations.shape()).copy_from(&combinations);
+            kept[at + seen.len()..at + knots].fill(false);
+            positions.push((*at, Arc::new(smooth.of_combinations(&combinations)?)));
+        }
+        let position = |i: usize| kept[..i].iter().filter(|kept| **kept).count();
+        let used: Vec<usize> = (0..kept.len()).filter(|&i| kept[i]).collect();
+        if used.len() == kept.len() {
+            return None;
+        }
+        columns.list = (0..used.len()).map(|i| (i, 1.0)).collect();
+        columns.curves = positions.into_iter().map(|(at, smooth)| (position(at), smooth)).collect();
+        columns.means.iter_mut().for_each(|mean| mean.0 = position(mean.0));
+        columns.limits.iter_mut().for_each(|limit| limit.0 = position(limit.0));
+        Some(Seen { columns, basis: basis.select_columns(&used) })
     }
 
     /// Prior precision, in prior sizes.
@@ -123,5 +168,22 @@ impl Columns {
     /// Xᵀy of the columns, scaled by the prior sizes.
     pub(super) fn cross(&self, moments: &Moments) -> DVector<f64> {
         DVector::from_iterator(self.list.len(), self.list.iter().map(|&(a, s)| moments.cross[a] * s))
+    }
+}
+
+/// A set whose curves have only the combinations of knots that the rows depend on.
+pub(super) struct Seen {
+    pub(super) columns: Columns,
+    /// The numbers of the set, in prior sizes, for each number of `columns`.
+    basis: DMatrix<f64>,
+}
+
+impl Seen {
+    /// The moments of `columns`, from those of the set that they replace.
+    pub(super) fn moments(&self, moments: &Moments, set: &Columns) -> Moments {
+        let Moments { square, count, log_scale, shape, declared, .. } = *moments;
+        let gram = self.basis.tr_mul(&(set.gram(moments) * &self.basis));
+        let cross = self.basis.tr_mul(&set.cross(moments));
+        Moments { gram, cross, square, count, log_scale, shape, declared }
     }
 }

@@ -25,8 +25,13 @@ pub(super) struct Score {
 /// begins at `guess`, mm, if there is one.
 pub(super) fn score(moments: &[Moments], columns: &Columns, guess: Option<f64>) -> Score {
     let mut best = Score { evidence: f64::NEG_INFINITY, sigma: LEAST_SIGMA, shape: 0 };
+    // The rows depend on the same combinations of knots under every shape of the noise.
+    let seen = moments.first().and_then(|moments| columns.seen(moments));
     for (shape, moments) in moments.iter().enumerate() {
-        let (evidence, sigma) = profiled(moments, columns, guess);
+        let (evidence, sigma) = match &seen {
+            Some(seen) => profiled(&seen.moments(moments, columns), &seen.columns, guess),
+            None => profiled(moments, columns, guess),
+        };
         if evidence > best.evidence {
             best = Score { evidence, sigma, shape };
         }
@@ -116,9 +121,11 @@ impl Normal {
 
 #[cfg(test)]
 mod tests {
+    use super::super::columns::Smoothness;
     use super::super::noise::{Series, Shape};
     use super::*;
     use nalgebra::Vector3;
+    use std::sync::Arc;
 
     #[test]
     fn the_other_numbers_are_solved_again_when_one_is_at_its_bound() {
@@ -134,5 +141,28 @@ mod tests {
         };
         assert!((solve(&[any, any]) - DVector::from_vec(vec![1.0, 2.0])).norm() < 1e-6);
         assert!((solve(&[any, (f64::NEG_INFINITY, 0.0)]) - DVector::from_vec(vec![2.0, 0.0])).norm() < 1e-6);
+    }
+
+    #[test]
+    fn a_curve_with_more_knots_than_rows_has_the_evidence_of_all_its_knots() {
+        // Four rows see nine knots of a curve, and a column with bounds; the last column is what was measured.
+        let entry =
+            |row: usize, column: usize| f64::from((7 * row as u32 + 5 * column as u32 * column as u32) % 11) - 5.0;
+        let stacked = DMatrix::from_fn(4, 11, entry);
+        let samples = (0..4).map(|row| (row, row, 1.0)).collect();
+        let series = [Series { samples, places: vec![[Vector3::zeros(); 3]; 4].into() }];
+        let moments = Moments::of(&stacked, &series, Shape { drift: 0.0, correlation: 0.0, field: None });
+        let knots: Vec<f64> = (0..9).map(|knot| 10.0 * f64::from(knot)).collect();
+        let smooth = Smoothness::new(&knots, 30.0, 0.5).unwrap();
+        let columns = Columns {
+            curves: vec![(1, Arc::new(smooth))],
+            limits: vec![(0, 0.0, f64::INFINITY)],
+            ..Columns::independent((0..10).map(|column| ((column + 9) % 10, 0.7)).collect())
+        };
+        assert_eq!(columns.seen(&moments).map(|seen| seen.columns.list.len()), Some(5));
+        let (evidence, sigma) = profiled(&moments, &columns, None);
+        let score = score(&[moments], &columns, None);
+        assert!((score.evidence - evidence).abs() < 1e-6, "{score:?}, {evidence}");
+        assert!((score.sigma / sigma - 1.0).abs() < 1e-6, "{score:?}, {sigma}");
     }
 }
