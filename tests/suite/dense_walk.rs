@@ -213,8 +213,9 @@ pub(crate) fn followed(text: &str, steps: usize) -> (Vec<Vector6<f64>>, f64) {
         joints = inverse(&base(along(from, to, share).0), &joints);
         joints
     };
-    for k in 1..=400 {
-        go(&home, &first, f64::from(k) / 400.0);
+    const APPROACH_STEPS: i32 = 100;
+    for k in 1..=APPROACH_STEPS {
+        go(&home, &first, f64::from(k) / f64::from(APPROACH_STEPS));
     }
     let way = (0..=steps).map(|k| go(&moves[0].to, &moves[1], k as f64 / steps as f64)).collect();
     (way, length(&moves[0].to, &moves[1]))

@@ -285,7 +285,7 @@ fn beyond_ends(way: &[[f64; 6]], axis: usize) -> (f64, f64) {
 
 #[test]
 fn a_limit_that_is_passed_between_targets_is_found_whatever_the_length() {
-    const STEPS: usize = 2000;
+    const STEPS: usize = 800;
     // Enough to find the paths on which an axis turns back. Few have such a place, and the fine steps take most of the time.
     const COARSE_STEPS: usize = 100;
     let mut tally = [0; 6];
