@@ -4,6 +4,7 @@ use crate::session::job::{Job, Long};
 use crate::session::read::all;
 use crate::session::text::Text;
 use deflex::program::{Language, Program};
+use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source};
 use std::path::PathBuf;
 
@@ -97,6 +98,11 @@ impl ProgramFiles {
     /// Everything that the reader of the language refuses.
     pub fn parse_alone(&self) -> Result<Program, Vec<Diagnostic>> {
         input::program_alone(self.job.clone(), &self.context)
+    }
+
+    /// Names and hashes of its files, which results state.
+    pub(super) fn origins(&self) -> Vec<Origin> {
+        self.sources().iter().map(|source| Origin::of(&source.name, &source.bytes)).collect()
     }
 
     pub(super) fn marked(&self) -> Result<(), Vec<Diagnostic>> {

@@ -21,12 +21,15 @@
 
 pub(crate) mod again;
 pub(crate) mod blocks;
+pub(crate) mod checked;
+mod compared;
 pub(crate) mod file_state;
 mod files;
 pub(crate) mod finished;
 pub(crate) mod forces;
 mod identified;
 pub(crate) mod input;
+mod inspected;
 pub(crate) mod job;
 pub(crate) mod lines;
 mod long;
@@ -36,22 +39,27 @@ pub(crate) mod read;
 pub(crate) mod report;
 pub(crate) mod setup;
 mod simulated;
+mod template;
 pub(crate) mod text;
 mod write;
 pub(crate) mod written;
 
+pub use checked::{Checked, Tolerances, check, check_page};
+pub use compared::{Compared, diff};
 pub use files::ProgramFiles;
 pub use identified::{Identified, MeasuredFile, MeasuredRunFiles, identify, identify_path};
 pub use input::CellFile;
+pub use inspected::{Inspected, inspect, programs_in};
 pub use planned::{Planned, plan};
 pub use simulated::{Simulated, SimulationProgress, simulate};
+pub use template::{CellSource, init};
 pub use write::write;
 
 use again::Again;
 use deflex::correct::{self, Corrected, CutProgress, Options, PostOptions};
 use deflex::program::{Language, Program};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
-use deflex::report::{FileSummary, Origin, Unrounded};
+use deflex::report::{FileSummary, Unrounded};
 use deflex::text::{Diagnostic, Source};
 use finished::Finished;
 use forces::ForceFile;
@@ -177,11 +185,10 @@ impl Run {
     }
 
     /// The page of a run that kept its path.
-    fn page(&self, kind: PathKind, done: Done) -> String {
+    fn page(&self, kind: PathKind, path: Option<(FileSummary, PathTrace)>, tolerance_mm: Option<f64>) -> String {
         let cell = self.setup.cell.origin();
-        let programs = done.path.map(|path| (done.summary, path));
         let scene = Some(&self.setup.cell.cell);
-        PathPage { kind, cell: &cell, programs: programs.as_slice(), scene, tolerance_mm: None }.html()
+        PathPage { kind, cell: &cell, programs: path.as_slice(), scene, tolerance_mm }.html()
     }
 
     /// Parses a program and checks that the table of forces belongs to it.
@@ -222,6 +229,13 @@ pub struct Done {
     numbers: Option<Unrounded>,
 }
 
+impl Done {
+    /// What a page draws.
+    fn drawn(self) -> Option<(FileSummary, PathTrace)> {
+        self.path.map(|path| (self.summary, path))
+    }
+}
+
 /// The page that `deflex compensate --html` writes. The program is run anew, because the page also shows the stiffness
 /// along the path.
 ///
@@ -237,7 +251,7 @@ pub struct Done {
 /// ```
 pub fn compensate_page(program: &ProgramFiles, run: &Run) -> Result<String, Vec<Diagnostic>> {
     let run = run.drawing();
-    compensate(program, &run).map(|done| run.page(PathKind::Compensate, done))
+    compensate(program, &run).map(|done| run.page(PathKind::Compensate, done.drawn(), None))
 }
 
 /// The page that `deflex predict --html` writes. The program is run anew, as in [`compensate_page`].
@@ -258,7 +272,7 @@ pub fn predict_page(
     run: &Run,
 ) -> Result<String, Vec<Diagnostic>> {
     let run = run.drawing();
-    predict(program, against, &run).map(|done| run.page(PathKind::Predict, done))
+    predict(program, against, &run).map(|done| run.page(PathKind::Predict, done.drawn(), None))
 }
 
 /// The numbers of the report of [`compensate`] without rounding. The program is run anew.
@@ -362,7 +376,7 @@ fn with_notes(done: Result<Done, Vec<Diagnostic>>, program: &ProgramFiles, run: 
     let mut done = done.map_err(|errors| run.setup.failed(run.setup.cell.own(errors)))?;
     done.notes.splice(0..0, run.setup.notes());
     done.notes = run.setup.cell.own(done.notes);
-    done.summary.sources = program.sources().iter().map(|source| Origin::of(&source.name, &source.bytes)).collect();
+    done.summary.sources = program.origins();
     Ok(done)
 }
 
