@@ -11,25 +11,36 @@ __all__ = [
     "Cell",
     "DeflexError",
     "Diagnostic",
-    "Done",
-    "Found",
-    "Planned",
+    "Effect",
     "Program",
     "Robot",
-    "Simulated",
-    "compensate",
+    "columns",
     "cutting_force",
+    "diagnostic_of",
+    "diagnostic_parts",
+    "diff",
+    "driven_path",
     "identify",
+    "identify_path",
+    "init",
+    "inspect",
     "main",
+    "page",
     "plan",
-    "predict",
+    "program_of",
+    "program_parts",
+    "read_table",
+    "robot_parts",
+    "run",
     "simulate",
+    "unrounded",
     "version",
+    "write",
 ]
 
 _Path = str | os.PathLike[str]
 _Array = npt.NDArray[np.float64]
-_Table = str | os.PathLike[str] | tuple[str, str]
+_Table = tuple[str, bytes]
 
 class DeflexError(Exception):
     """The command would end with exit code 2; `diagnostics` has the messages."""
@@ -87,14 +98,18 @@ class Cell:
     def wobjs(self) -> list[str]:
         """Names of the declared work objects, upper case."""
     @property
-    def effects(self) -> list[str]:
-        """Kinds of the effects that act, in order."""
+    def effects(self) -> list[Effect]:
+        """The effects that act, in order."""
     @property
     def units(self) -> list[str]:
         """Names of the mechanical units in addition to the robot."""
     @property
     def notes(self) -> list[Diagnostic]:
         """Warnings about values that are possible but seldom intended."""
+    def with_effects(self, effects: Sequence[Effect]) -> Cell:
+        """The same cell with exactly these effects. The text of an effect that is in the file already stays as it is."""
+    def with_stiffness(self, joint_nm_per_rad: Sequence[float] | _Array) -> Cell:
+        """The same cell with another stiffness of the six joints, N·m/rad. The factors of its `joint_stiffness` effect stay."""
     def tool(self, name: str | None = None) -> _Array:
         """The TCP of a tool in the flange, (4, 4), mm; without a name, that of the cell's only tool."""
     def predict_poses(
@@ -120,6 +135,42 @@ class Cell:
         `temperature_c` and `cut_m`, the length cut (N,). Raises `DeflexError` if one of them is missing, or if a unit is beyond
         its limits.
         """
+
+@final
+class Effect:
+    """A physical effect by which the real arm differs from the nominal one, with P parameters."""
+
+    @staticmethod
+    def parse(text: str, covariance: Sequence[Sequence[float]] | None = None) -> Effect:
+        """Reads the keys of an `[[effect]]` table, with `kind`."""
+    def to_toml(self) -> str:
+        """The keys of its `[[effect]]` table."""
+    @property
+    def kind(self) -> str:
+        """Name of the effect in cell files."""
+    @property
+    def names(self) -> list[str]:
+        """Keys of the parameters in the cell file, with their index: `half_gap_rad[0]`."""
+    @property
+    def units(self) -> list[str]:
+        """Units of the parameters."""
+    @property
+    def values(self) -> _Array:
+        """Values of the parameters, (P,), in their units."""
+    @property
+    def prior_mean(self) -> _Array:
+        """Means of the physical priors, (P,): the values at which the effect does nothing."""
+    @property
+    def prior_std(self) -> _Array:
+        """Standard deviations of the physical priors, (P,): typical sizes on real robots."""
+    @property
+    def bounds(self) -> _Array:
+        """Physical bounds, (P, 2)."""
+    @property
+    def covariance(self) -> _Array | None:
+        """Covariance of the parameters, (P, P), if the cell states one. Effects with numbers that are not fitted one by one have more rows."""
+    def with_values(self, values: Sequence[float] | _Array) -> Effect:
+        """The same effect with other values of its parameters, (P,), and without covariance."""
 
 @final
 class Program:
@@ -175,100 +226,42 @@ class Robot:
     ) -> _Array:
         """Cartesian stiffness (N, 6, 6): force (N) and moment (N mm) for a displacement (mm) and a rotation (rad)."""
 
-@final
-class Done:
-    @property
-    def files(self) -> dict[str, bytes]: ...
-    @property
-    def csv(self) -> bytes: ...
-    @property
-    def report(self) -> dict[str, npt.NDArray[Any]]: ...
-    @property
-    def summary(self) -> str: ...
-    @property
-    def line(self) -> str: ...
-    @property
-    def notes(self) -> list[Diagnostic]: ...
-    def write(self, files: Sequence[tuple[_Path, bytes]], inputs: Sequence[_Path]) -> None: ...
-    def unrounded(self) -> dict[str, npt.NDArray[Any]]: ...
-    def page(self) -> str: ...
+_Progress = Callable[[int, int], object] | None
+_Reading = tuple[str | None, str | None, float | None]
 
-@final
-class Found:
-    @property
-    def json(self) -> str: ...
-    @property
-    def text(self) -> str: ...
-    @property
-    def csv(self) -> bytes: ...
-    @property
-    def residuals(self) -> dict[str, npt.NDArray[Any]]: ...
-    def cell(self, name: str = "cell.toml") -> Cell: ...
-    def page(self) -> str: ...
-
-@final
-class Planned:
-    @property
-    def json(self) -> str: ...
-    @property
-    def text(self) -> str: ...
-    @property
-    def program(self) -> str: ...
-    @property
-    def table(self) -> str: ...
-    def page(self) -> str: ...
-
-@final
-class Simulated:
-    @property
-    def json(self) -> str: ...
-    @property
-    def text(self) -> str: ...
-    @property
-    def csv(self) -> bytes: ...
-    @property
-    def report(self) -> dict[str, npt.NDArray[Any]]: ...
-    @property
-    def stl(self) -> bytes: ...
-    @property
-    def notes(self) -> list[Diagnostic]: ...
-    def page(self) -> str: ...
-
-def simulate(
-    held: tuple[Program, Cell],
-    forces: _Table | None,
-    against: Program | None,
-    asked: dict[str, Any],
-    progress: Callable[[int, int], object] | None,
-) -> Simulated: ...
-def predict(
-    held: tuple[Program, Cell],
-    forces: _Table | None,
-    against: Program | None,
-    asked: dict[str, Any],
-    progress: Callable[[int, int], object] | None,
-) -> Done: ...
-def compensate(
-    held: tuple[Program, Cell],
-    forces: _Table | None,
-    asked: dict[str, Any],
-    progress: Callable[[int, int], object] | None,
-) -> Done: ...
+def read_table(path: _Path) -> tuple[str, bytes]: ...
+def columns(csv: bytes) -> dict[str, npt.NDArray[Any]]: ...
+def run(call: dict[str, Any], progress: _Progress) -> dict[str, Any]: ...
+def page(call: dict[str, Any]) -> str: ...
+def unrounded(call: dict[str, Any]) -> dict[str, _Array]: ...
+def driven_path(call: dict[str, Any]) -> bytes: ...
+def write(files: Sequence[tuple[_Path, bytes]], program: Program, cell: Cell) -> None: ...
+def diff(original: Program, corrected: Program) -> dict[str, Any]: ...
+def inspect(paths: Sequence[_Path], context: Sequence[_Path], format: str | None) -> dict[str, Any]: ...
+def init(robot: str | None, urdf: _Path | None, tip: str | None, backup: _Path | None) -> str: ...
+def simulate(call: dict[str, Any], progress: _Progress) -> dict[str, Any]: ...
 def identify(
     runs: Sequence[tuple[Program, Program | None, _Table]],
     poses: Sequence[_Table],
     cell: Cell,
-    read_as: tuple[str | None, str | None, float | None],
-    progress: Callable[[int, int], object] | None,
-) -> Found: ...
+    reading: _Reading,
+    sparse: bool,
+    progress: _Progress,
+) -> dict[str, Any]: ...
+def identify_path(logs: Sequence[tuple[Program, _Table]], cell: Cell, reading: _Reading) -> dict[str, Any]: ...
 def plan(
     cell: Cell,
     rows: int,
     pool: Sequence[Program],
     after: str | None,
     written: tuple[str, str | None, str],
-    progress: Callable[[int, int], object] | None,
-) -> Planned: ...
+    progress: _Progress,
+) -> dict[str, Any]: ...
+def diagnostic_parts(said: Diagnostic) -> tuple[Any, ...]: ...
+def diagnostic_of(parts: tuple[Any, ...]) -> Diagnostic: ...
+def program_parts(program: Program) -> tuple[Any, ...]: ...
+def program_of(parts: tuple[Any, ...]) -> Program: ...
+def robot_parts(robot: Robot) -> tuple[str, Cell | None]: ...
 def cutting_force(
     mode: str,
     cutter: tuple[float, float, int, float],

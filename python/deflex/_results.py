@@ -6,15 +6,11 @@ import os
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
-import numpy.typing as npt
-
-from deflex._deflex import Cell, Diagnostic, Done, Found
-from deflex._deflex import Planned as _Planned
-from deflex._deflex import Simulated as _Simulated
-
-Report = dict[str, npt.NDArray[Any]]
+from deflex import _deflex
+from deflex._columns import DrivenPath, Moved, Numbers, Report, Residuals, SurfacePoints
+from deflex._deflex import Cell, Diagnostic
 
 
 class Record(dict[str, Any]):
@@ -24,11 +20,14 @@ class Record(dict[str, Any]):
     0.5
     """
 
-    def __getattr__(self, name: str) -> Any:
-        try:
-            return self[name]
-        except KeyError:
-            raise AttributeError(name) from None
+    # Type checkers know the declared attributes alone, so that they find a misspelt one.
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            try:
+                return self[name]
+            except KeyError:
+                raise AttributeError(name) from None
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self]
@@ -45,11 +44,148 @@ def _framed(page: str) -> str:
     return f'<iframe srcdoc="{html.escape(page)}" style="width:100%;height:720px;border:0" loading="lazy"></iframe>'
 
 
-class _Run:
+class Summary(Record):
+    """The summary of a program, as in `--json`: counts of targets, and sizes in mm."""
+
+    path: str
+    targets: int
+    corrected: int
+    unchanged: int
+    air: int
+    inserted: int
+    kept: list[Record]
+    unjudged: list[Record]
+    max_error_mm: float
+    rms_error_mm: float
+    max_correction_mm: float
+    max_remaining_mm: float
+    max_kept_mm: float
+    remaining_path_max_mm: float
+    remaining_path_rms_mm: float
+    failures: list[Record]
+    sources: list[Record]
+
+
+class Verdict(Record):
+    """The judgement of one program, as in `deflex check --json`."""
+
+    path: str
+    targets: int
+    judged: int
+    air: int
+    unjudged: list[Record]
+    passed: bool
+    verdicts: Record
+    findings: list[Record]
+    more_findings: int
+    sources: list[Record]
+
+
+class Errors(Record):
+    """Errors of a cell on held-out rows."""
+
+    rms_mm: float
+    mean_mm: float
+    max_mm: float
+
+
+class Parameter(Record):
+    """A parameter of an effect that was added, with its 95 % interval."""
+
+    name: str
+    value: float
+    unit: str
+    ci95: list[float]
+
+
+class Added(Record):
+    """An effect that was added."""
+
+    kind: str
+    posterior: float
+    held_out_rms_before_mm: float
+    held_out_rms_after_mm: float
+    parameters: list[Parameter]
+    not_told_apart_from: list[str]
+
+
+class Ranked(Record):
+    """A kind of effect alone."""
+
+    kind: str
+    held_out_rms_mm: float
+    delta_bic: float
+
+
+class Figures(Record):
+    """The figures of a simulation, as in `deflex simulate --json`."""
+
+    path: str
+    resolution_mm: float
+    removed_programmed_mm3: float
+    removed_mm3: float
+    left_mm3: float
+    rms_mm: float
+    mean_mm: float
+    mean_signed_mm: float
+    max_mm: float
+    points: int
+    gouge: Record
+    leftover: Record
+    before: Record | None
+    after: Record
+
+
+class _Result:
+    """A result in the form of data, which can be pickled, copied and compared."""
+
+    def __init__(self, data: dict[str, Any]) -> None:
+        self._data = data
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self._data,)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Result) and type(self) is type(other) and self._data == other._data
+
+    __hash__ = None  # type: ignore[assignment]
+
+    @cached_property
+    def json(self) -> Record:
+        """The whole answer, as `--json` writes it."""
+        return record(self._data["json"])
+
+    @property
+    def text(self) -> str:
+        """The answer as the command prints it."""
+        return cast(str, self._data["text"])
+
+    @property
+    def notes(self) -> list[Diagnostic]:
+        """Notes and warnings, which the command prints on stderr."""
+        return list(self._data["notes"])
+
+    @property
+    def html(self) -> str:
+        """The page, complete in one file."""
+        return cast(str, self._data["page"])
+
+    def _repr_html_(self) -> str:
+        return _framed(self.html)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.text.partition(chr(10))[0]}>"
+
+
+class _Run(_Result):
     """The result for one program."""
 
-    def __init__(self, done: Done) -> None:
-        self._done = done
+    def __init__(self, data: dict[str, Any], call: dict[str, Any]) -> None:
+        super().__init__(data)
+        self._call = call
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self._data, self._call)
 
     @cached_property
     def report(self) -> Report:
@@ -59,59 +195,92 @@ class _Run:
         `target` and `line` are int64, `name` and `status` str, all others float64 of shape (N,); NaN where the report has
         no figure.
         """
-        return self._done.report
-
-    @cached_property
-    def unrounded(self) -> Report:
-        """The report's columns of numbers with all digits, (N,), float64: `q1_deg`, `error_x_mm`, ….
-
-        deflex processes the program again for this. NaN where the report has no figure.
-        """
-        return self._done.unrounded()
-
-    @cached_property
-    def summary(self) -> Record:
-        """The summary of the program, as in `--json`."""
-        return record(self._done.summary)
-
-    @property
-    def notes(self) -> list[Diagnostic]:
-        """Notes and warnings, which the command prints on stderr."""
-        return self._done.notes
+        return cast(Report, _deflex.columns(self._data["csv"]))
 
     @property
     def csv(self) -> str:
         """The report as the command writes it."""
-        return self._done.csv.decode()
+        return cast(bytes, self._data["csv"]).decode()
 
     @property
     def html(self) -> str:
-        """The page: the toolpath in 3-D with its errors, complete in one file."""
-        return self._done.page()
+        """The page: the toolpath in 3-D with its errors, complete in one file. deflex processes the program again for this."""
+        return _deflex.page(self._call)
 
-    def _repr_html_(self) -> str:
-        return _framed(self.html)
+
+class _Errors(_Run):
+    """The errors of one program."""
+
+    @cached_property
+    def unrounded(self) -> Numbers:
+        """The report's columns of numbers with all digits, (N,), float64: `q1_deg`, `error_x_mm`, ….
+
+        deflex processes the program again for this. NaN where the report has no figure.
+        """
+        return cast(Numbers, _deflex.unrounded(self._call))
+
+    @property
+    def summary(self) -> Summary:
+        """The summary of the program, as in `--json`."""
+        return cast(Summary, self.json)
 
     def __repr__(self) -> str:
         summary = self.summary
-        said = f"{self._done.line}; error rms {summary.rms_error_mm:.4f} mm, max {summary.max_error_mm:.4f} mm"
+        said = f"{self._data['text']}; error rms {summary.rms_error_mm:.4f} mm, max {summary.max_error_mm:.4f} mm"
         return f"<{type(self).__name__} of {summary.path}: {said}{self._remaining()}>"
 
     def _remaining(self) -> str:
         return ""
 
 
-class Prediction(_Run):
+class Prediction(_Errors):
     """The predicted errors of a program."""
 
+    @cached_property
+    def path(self) -> DrivenPath:
+        """The path that the controller drives and the loaded arm takes, by column, as `--path` writes it."""
+        return cast(DrivenPath, _deflex.columns(_deflex.driven_path(self._call)))
 
-class Correction(_Run):
+
+class Check(_Run):
+    """The verdict on a program: is each target, and the path to it, within tolerance and the limits of the robot?"""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the command would end with exit code 0."""
+        return self.summary.passed
+
+    @property
+    def summary(self) -> Verdict:
+        """The entry of the program in `--json`."""
+        return cast(Verdict, self.json["files"][0])
+
+    @property
+    def findings(self) -> list[Record]:
+        """The first findings: `file`, `line`, `column`, `code`, `message`."""
+        return self.summary.findings
+
+    @property
+    def sarif(self) -> str:
+        """The findings in SARIF, as `--output-format sarif` prints them."""
+        return cast(str, self._data["sarif"])
+
+    @property
+    def junit(self) -> str:
+        """The findings in JUnit XML, as `--output-format junit` prints them."""
+        return cast(str, self._data["junit"])
+
+    def __repr__(self) -> str:
+        return f"<Check: {'passed' if self.passed else 'failed'}; {self.text.rstrip().splitlines()[-1]}>"
+
+
+class Correction(_Errors):
     """A corrected program with its report."""
 
     @cached_property
     def files(self) -> dict[str, bytes]:
         """The bytes of the corrected program's files, by name."""
-        return self._done.files
+        return cast(dict[str, bytes], self._data["files"])
 
     @property
     def text(self) -> str:
@@ -131,7 +300,7 @@ class Correction(_Run):
         """
         target = Path(path)
         if len(self.files) == 1 and not target.is_dir():
-            self._done.write([(target, next(iter(self.files.values())))], [])
+            self._write([(target, next(iter(self.files.values())))])
             return
         if target.exists() and not target.is_dir():
             raise NotADirectoryError(f"{target} is a file: the program has {len(self.files)}, which need a folder")
@@ -142,49 +311,47 @@ class Correction(_Run):
         paths = [(Path(folder) / name, data) for name, data in files.items()]
         for path, _ in paths:
             path.parent.mkdir(parents=True, exist_ok=True)
-        self._done.write(paths, [])
+        self._write(paths)
+
+    def _write(self, files: list[tuple[Path, bytes]]) -> None:
+        _deflex.write(files, self._call["program"], self._call["cell"])
 
     def _remaining(self) -> str:
         return f"; remaining at targets max {self.summary.max_remaining_mm:.6f} mm"
 
 
-class Identification:
-    """The effects that a cell lacks.
+class Identification(_Result):
+    """The effects that a cell lacks."""
 
-    Everything that `deflex identify --json` says stands in `json`; what is asked for most, beside it.
-    """
-
-    def __init__(self, found: Found, name: str) -> None:
-        self._found = found
+    def __init__(self, data: dict[str, Any], name: str) -> None:
+        super().__init__(data)
         self._name = name
 
-    @cached_property
-    def json(self) -> Record:
-        """The whole answer, as `--json` writes it."""
-        return record(self._found.json)
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self._data, self._name)
 
     @property
-    def added(self) -> list[Record]:
+    def added(self) -> list[Added]:
         """The effects that were added: kind, posterior, parameters with intervals, and the effects that they may be instead."""
-        found: list[Record] = self.json["added"]
+        found: list[Added] = self.json["added"]
         return found
 
     @property
-    def before(self) -> Record:
+    def before(self) -> Errors:
         """`rms_mm`, `mean_mm`, `max_mm` of the declared cell on held-out rows."""
-        found: Record = self.json["before"]
+        found: Errors = self.json["before"]
         return found
 
     @property
-    def after(self) -> Record:
+    def after(self) -> Errors:
         """The same of the extended cell."""
-        found: Record = self.json["after"]
+        found: Errors = self.json["after"]
         return found
 
     @property
-    def ranking(self) -> list[Record]:
+    def ranking(self) -> list[Ranked]:
         """Each kind of effect alone, the best first."""
-        found: list[Record] = self.json["ranking"]
+        found: list[Ranked] = self.json["ranking"]
         return found
 
     @property
@@ -196,119 +363,107 @@ class Identification:
     @cached_property
     def cell(self) -> Cell:
         """The extended cell, with the comments of the declared one."""
-        return self._found.cell(self._name)
+        return Cell.parse(self._data["cell"], self._name)
 
     @cached_property
-    def residuals(self) -> Report:
+    def residuals(self) -> Residuals:
         """The columns of the command's `--report`: residuals of each row, mm; `target` is 0 between targets."""
-        return self._found.residuals
-
-    @property
-    def text(self) -> str:
-        """The answer as the command prints it."""
-        return self._found.text
+        return cast(Residuals, _deflex.columns(self._data["csv"]))
 
     @property
     def csv(self) -> str:
         """The residuals as the command writes them."""
-        return self._found.csv.decode()
-
-    @property
-    def html(self) -> str:
-        """The page with the residuals, the effects and the remaining error, complete in one file."""
-        return self._found.page()
-
-    def _repr_html_(self) -> str:
-        return _framed(self.html)
-
-    def __repr__(self) -> str:
-        return f"<Identification: {self.text.partition(chr(10))[0]}>"
+        return cast(bytes, self._data["csv"]).decode()
 
 
-class Planned:
-    """A planned measurement.
+class PathLaw(_Result):
+    """The law of the path that a controller drives, from logs of its axes."""
 
-    Everything that `deflex plan --json` says stands in `json`.
-    """
+    def __init__(self, data: dict[str, Any], name: str) -> None:
+        super().__init__(data)
+        self._name = name
 
-    def __init__(self, planned: _Planned) -> None:
-        self._planned = planned
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self._data, self._name)
 
     @cached_property
-    def json(self) -> Record:
-        """The whole plan, as `--json` writes it: `rows`, `pairs`, `weakest`, `chance_right`, …"""
-        return record(self._planned.json)
+    def cell(self) -> Cell:
+        """The cell with the law in `[controller.path]`."""
+        return Cell.parse(self._data["cell"], self._name)
+
+
+class Planned(_Result):
+    """A planned measurement.
+
+    Everything that `deflex plan --json` writes is in `json`: `rows`, `pairs`, `weakest`, `chance_right`, …
+    """
 
     @property
     def program(self) -> str:
         """The program: each motion ends where a row is measured."""
-        return self._planned.program
+        return cast(str, self._data["program"])
 
     @property
     def table(self) -> str:
         """The table to fill in, as CSV: target, load and time of each row, measured columns empty."""
-        return self._planned.table
-
-    @property
-    def text(self) -> str:
-        """The plan as the command prints it."""
-        return self._planned.text
-
-    @property
-    def html(self) -> str:
-        """The page, complete in one file."""
-        return self._planned.page()
-
-    def _repr_html_(self) -> str:
-        return _framed(self.html)
-
-    def __repr__(self) -> str:
-        return f"<Planned: {self.text.partition(chr(10))[0]}>"
+        return cast(str, self._data["table"])
 
 
-class Simulation:
+class Simulation(_Result):
     """The part as the loaded arm cuts it from the stock, compared with the programmed part."""
 
-    def __init__(self, simulated: _Simulated) -> None:
-        self._simulated = simulated
-
-    @cached_property
-    def summary(self) -> Record:
+    @property
+    def summary(self) -> Figures:
         """The figures, as in `deflex simulate --json`: `rms_mm`, `mean_mm`, `max_mm`, `gouge`, `leftover`, `removed_mm3`, …"""
-        return record(self._simulated.json)
+        return cast(Figures, self.json)
 
     @cached_property
-    def report(self) -> Report:
+    def report(self) -> SurfacePoints:
         """Points of the cut surface, by column: `x_mm`, `y_mm`, `z_mm` in the stock's frame and `deviation_mm` (above zero: left over), (N,)."""
-        return self._simulated.report
+        return cast(SurfacePoints, _deflex.columns(self._data["csv"]))
 
     @property
     def csv(self) -> str:
         """The points as the command writes them."""
-        return self._simulated.csv.decode()
+        return cast(bytes, self._data["csv"]).decode()
 
     @property
     def stl(self) -> bytes:
         """The part as it will be cut, binary STL, mm."""
-        return self._simulated.stl
+        return cast(bytes, self._data["stl"])
+
+
+class Difference(_Result):
+    """What changed between two programs, target by target."""
+
+    def __bool__(self) -> bool:
+        """Whether anything changed: the command would end with exit code 1."""
+        return any(self.json[key] for key in ("moved", "inserted", "other"))
+
+    @cached_property
+    def report(self) -> Moved:
+        """The targets that moved, by column, with names, units and digits of the command's `--report`."""
+        return cast(Moved, _deflex.columns(self._data["csv"]))
 
     @property
-    def notes(self) -> list[Diagnostic]:
-        """Notes and warnings, which the command prints on stderr."""
-        return self._simulated.notes
+    def csv(self) -> str:
+        """The targets that moved, as the command writes them."""
+        return cast(bytes, self._data["csv"]).decode()
+
+
+class Inspection(_Result):
+    """What deflex understands of programs."""
 
     @property
-    def text(self) -> str:
-        """The figures as the command prints them."""
-        return self._simulated.text
+    def files(self) -> list[Record]:
+        """A record for each file, as in `--json`: `path`, `language`, `motion_targets`, `refused`, `kept`, `tools`, …"""
+        found: list[Record] = self.json["files"]
+        return found
 
     @property
     def html(self) -> str:
-        """The page: the part in 3-D, coloured by its deviation, complete in one file."""
-        return self._simulated.page()
+        """The table that the command prints, as HTML."""
+        return f"<pre>{html.escape(self.text)}</pre>"
 
     def _repr_html_(self) -> str:
-        return _framed(self.html)
-
-    def __repr__(self) -> str:
-        return f"<Simulation of {self.text.rstrip()}>"
+        return self.html

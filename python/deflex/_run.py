@@ -10,7 +10,17 @@ import numpy.typing as npt
 
 from deflex import _deflex
 from deflex._deflex import Cell, Program
-from deflex._results import Correction, Identification, Planned, Prediction, Simulation
+from deflex._results import (
+    Check,
+    Correction,
+    Difference,
+    Identification,
+    Inspection,
+    PathLaw,
+    Planned,
+    Prediction,
+    Simulation,
+)
 from deflex._tables import Table, given
 
 Path = str | os.PathLike[str]
@@ -32,23 +42,51 @@ def _program(program: AnyProgram) -> Program:
     return program if isinstance(program, Program) else Program.read(program)
 
 
+def _paths(paths: Path | Sequence[Path]) -> list[Path]:
+    return [paths] if isinstance(paths, (str, os.PathLike)) else list(paths)
+
+
 def _cell(cell: Cell | Path) -> Cell:
     return cell if isinstance(cell, Cell) else Cell.read(cell)
 
 
-def _options(**options: Any) -> dict[str, Any]:
-    correct = options.pop("correct", "pose")
+#: The value that a run has for each option that is not given.
+_DEFAULTS: dict[str, Any] = {
+    **dict.fromkeys(("tool", "subdivide_mm", "name", "max_targets", "rapid_mm_s", "feed_mm_s")),
+    **dict.fromkeys(("max_path_error_mm", "max_jump_mm", "max_correction_mm")),
+    **dict.fromkeys(("allow_clones", "free_spin", "again", "at_targets", "allow_unjudged"), False),
+    "post": "rapid",
+    "max_error_mm": 0.0,
+}
+
+
+def _call(
+    command: str,
+    program: AnyProgram,
+    cell: Cell | Path,
+    forces: Table | None,
+    against: AnyProgram | None = None,
+    *,
+    correct: str = "pose",
+    **options: Any,
+) -> dict[str, Any]:
+    """A run of one program with everything that it depends on: another process can repeat it."""
     _check_words(compensate, post=options.get("post", "rapid"), correct=correct)
-    for name in ("subdivide_mm", "rapid_mm_s", "feed_mm_s"):
-        value = options.get(name)
-        if value is not None and not 0 < value < float("inf"):
+    for name, value in options.items():
+        if name.endswith(("_mm", "_mm_s")) and value is not None and not 0 < value < float("inf"):
             raise ValueError(f"{name} is {value!r}, expected a number above 0")
     if options.get("max_targets") is not None and options["max_targets"] < 1:
         raise ValueError(f"max_targets is {options['max_targets']!r}, expected at least 1")
-    defaults: dict[str, Any] = dict.fromkeys(
-        ("tool", "subdivide_mm", "name", "max_targets", "rapid_mm_s", "feed_mm_s")
-    )
-    return {"position": correct == "position", "allow_clones": False, "free_spin": False, "again": False, "post": "rapid", **defaults, **options}
+    return {
+        "command": command,
+        "program": _program(program),
+        "cell": _cell(cell),
+        "forces": None if forces is None else given(forces, "<forces>"),
+        "against": None if against is None else _program(against),
+        "position": correct == "position",
+        **_DEFAULTS,
+        **options,
+    }
 
 
 def predict(
@@ -74,10 +112,8 @@ def predict(
     >>> deflex.predict("samples/slot/slot.mod", "samples/slot/cell.toml").summary.targets
     81
     """
-    forced = None if forces is None else given(forces, "<forces>")
-    original = None if against is None else _program(against)
-    held = (_program(program), _cell(cell))
-    return Prediction(_deflex.predict(held, forced, original, _options(tool=tool, free_spin=free_spin), progress))
+    call = _call("predict", program, cell, forces, against, tool=tool, free_spin=free_spin)
+    return Prediction(_deflex.run(call, progress), call)
 
 
 def compensate(
@@ -88,6 +124,7 @@ def compensate(
     correct: Literal["pose", "position"] = "pose",
     tool: str | None = None,
     subdivide_mm: float | None = None,
+    max_path_error_mm: float | None = None,
     allow_clones: bool = False,
     free_spin: bool = False,
     again: bool = False,
@@ -101,7 +138,8 @@ def compensate(
     """Corrects a program so that the loaded tool reaches the programmed poses: `deflex compensate`.
 
     `program`, `forces`, `tool`, `free_spin` and `progress` are those of `predict`. `correct` states what changes: the whole pose or the position alone. `subdivide_mm`
-    inserts targets until at most this error remains between two of them; `allow_clones` declares a copy of a target for each of several
+    inserts targets until at most this error remains between two of them; `max_path_error_mm` keeps the driven path of the loaded arm
+    within this distance of the programmed one, for which the cell needs `[controller.path]`; `allow_clones` declares a copy of a target for each of several
     motions that use it with different corrections; `again` corrects a program that was corrected before. CL data are
     posted in the language `post` as `name`, in modules of at most `max_targets`, with `rapid_mm_s` for rapid travel and `feed_mm_s` where the file
     has no feed.
@@ -112,11 +150,15 @@ def compensate(
     >>> done.text.splitlines()[0]
     '%%%'
     """
-    forced = None if forces is None else given(forces, "<forces>")
-    options = _options(
+    call = _call(
+        "compensate",
+        program,
+        cell,
+        forces,
         correct=correct,
         tool=tool,
         subdivide_mm=subdivide_mm,
+        max_path_error_mm=max_path_error_mm,
         allow_clones=allow_clones,
         free_spin=free_spin,
         again=again,
@@ -126,7 +168,96 @@ def compensate(
         rapid_mm_s=rapid_mm_s,
         feed_mm_s=feed_mm_s,
     )
-    return Correction(_deflex.compensate((_program(program), _cell(cell)), forced, options, progress))
+    return Correction(_deflex.run(call, progress), call)
+
+
+def check(
+    program: AnyProgram,
+    cell: Cell | Path,
+    forces: Table | None = None,
+    *,
+    max_error_mm: float,
+    max_path_error_mm: float | None = None,
+    max_jump_mm: float | None = None,
+    max_correction_mm: float | None = None,
+    at_targets: bool = False,
+    allow_unjudged: bool = False,
+    against: AnyProgram | None = None,
+    correct: Literal["pose", "position"] = "pose",
+    tool: str | None = None,
+    free_spin: bool = False,
+    progress: Progress | None = None,
+) -> Check:
+    """Checks whether each target, and the path to it, is within tolerance and the limits of the robot: `deflex check`.
+
+    `program`, `forces`, `against`, `tool`, `free_spin` and `progress` are those of `predict`. The path between targets has to keep
+    `max_path_error_mm`, without it `max_error_mm`; with `at_targets` it is not judged. `max_jump_mm` limits the jumps of the tip where
+    the force starts, ends or turns at once; without it jumps are only reported. `max_correction_mm` limits the correction of a target,
+    which is that of `compensate` with `correct` if there is no `against`. With `allow_unjudged` the check passes although targets
+    cannot be judged.
+
+    Findings are no errors: see `Check.passed`. Raises `DeflexError` if the command would end with exit code 2.
+
+    >>> cell = deflex.Cell.read("samples/slot/cell.toml")
+    >>> deflex.check("samples/slot/slot.mod", cell, max_error_mm=0.02).passed
+    False
+    """
+    if at_targets and (max_path_error_mm is not None or max_jump_mm is not None):
+        raise ValueError("at_targets judges no path: leave out max_path_error_mm and max_jump_mm")
+    call = _call(
+        "check",
+        program,
+        cell,
+        forces,
+        against,
+        correct=correct,
+        tool=tool,
+        free_spin=free_spin,
+        max_error_mm=max_error_mm,
+        max_path_error_mm=max_path_error_mm,
+        max_jump_mm=max_jump_mm,
+        max_correction_mm=max_correction_mm,
+        at_targets=at_targets,
+        allow_unjudged=allow_unjudged,
+    )
+    return Check(_deflex.run(call, progress), call)
+
+
+def diff(original: AnyProgram, corrected: AnyProgram) -> Difference:
+    """Compares two programs target by target: `deflex diff`. The result is true if anything changed.
+
+    >>> bool(deflex.diff("samples/slot/slot.mod", "samples/slot/slot.mod"))
+    False
+    """
+    return Difference(_deflex.diff(_program(original), _program(corrected)))
+
+
+def inspect(
+    paths: Path | Sequence[Path], *, context: Path | Sequence[Path] | None = None, format: str | None = None
+) -> Inspection:
+    """Shows what deflex understands of programs, or of the programs in folders: `deflex inspect`.
+
+    `context` are files that declare names. `format` is the language of programs that do not show it. Raises `DeflexError` if deflex
+    understands none of the files.
+
+    >>> deflex.inspect("samples/slot").files[0]["motion_targets"]
+    81
+    """
+    return Inspection(_deflex.inspect(_paths(paths), _paths(() if context is None else context), format))
+
+
+def init(
+    robot: str | None = None, *, urdf: Path | None = None, tip: str | None = None, backup: Path | None = None
+) -> str:
+    """The text of a cell file to start from: `deflex init`. Replace the values that are marked `# <<`.
+
+    `robot` is a built-in robot (`Robot.builtin()` lists them), `urdf` a robot description whose last link is `tip`, and `backup` the
+    folder of a backup of an ABB controller, which may state the robot.
+
+    >>> deflex.Cell.parse(deflex.init("irb6660-205-1.9")).robot.model
+    'irb6660-205-1.9'
+    """
+    return _deflex.init(robot, urdf, tip, backup)
 
 
 def simulate(
@@ -146,10 +277,8 @@ def simulate(
 
     Raises `DeflexError` if the command would end with exit code 2.
     """
-    forced = None if forces is None else given(forces, "<forces>")
-    original = None if against is None else _program(against)
-    held = (_program(program), _cell(cell))
-    return Simulation(_deflex.simulate(held, forced, original, _options(tool=tool, free_spin=free_spin), progress))
+    call = _call("simulate", program, cell, forces, against, tool=tool, free_spin=free_spin)
+    return Simulation(_deflex.simulate(call, progress))
 
 
 def identify(
@@ -161,6 +290,7 @@ def identify(
     tool: str | None = None,
     columns: Mapping[str, str] | None = None,
     match_mm: float | None = None,
+    sparse: bool = False,
     progress: Progress | None = None,
 ) -> Identification:
     """Finds the effects that a cell lacks: `deflex identify`.
@@ -169,7 +299,8 @@ def identify(
     with the columns of a measured file (mm, degrees, N). Errors before and after are those of held-out rows, which no fit has
     seen. `against` is the program that the runs' program was corrected from: `normal_mm` and nominal places are counted from its path.
     `columns` maps the names of deflex to those of the tables: `{"target": "Punkt Nr"}`; other columns are then ignored.
-    `match_mm` is the largest distance from the path of a row with `nominal_x_mm`, … and no target (5).
+    `match_mm` is the largest distance from the path of a row with `nominal_x_mm`, … and no target (5). With `sparse` the extended
+    cell has only the effects that are named, fitted without the others.
     `progress(done, total)` is called with parts of the work.
 
     Raises `DeflexError` if the command would end with exit code 2.
@@ -181,9 +312,31 @@ def identify(
     if bool(pairs) == bool(rows):
         raise ValueError("give either runs or poses")
     declared = _cell(cell)
-    named = None if columns is None else ",".join(f"{ours}={theirs}" for ours, theirs in columns.items())
-    read_as = (tool, named, match_mm)
-    return Identification(_deflex.identify(pairs, rows, declared, read_as, progress), declared.name)
+    reading = (tool, _named(columns), match_mm)
+    return Identification(_deflex.identify(pairs, rows, declared, reading, sparse, progress), declared.name)
+
+
+def identify_path(
+    logs: Iterable[tuple[AnyProgram, Table]],
+    *,
+    cell: Cell | Path,
+    tool: str | None = None,
+    columns: Mapping[str, str] | None = None,
+) -> PathLaw:
+    """Finds the law of the path that a controller drives: `deflex identify --log`.
+
+    `logs` are programs with logs of the axes while they ran: `time_s` and `q1_deg` to `q6_deg`. `tool` and `columns` are those of
+    `identify`. To add the law to a cell that `identify` has extended, give this cell.
+
+    Raises `DeflexError` if the command would end with exit code 2.
+    """
+    declared = _cell(cell)
+    pairs = [(_program(program), given(table, f"<log {i}>")) for i, (program, table) in enumerate(logs, 1)]
+    return PathLaw(_deflex.identify_path(pairs, declared, (tool, _named(columns), None)), declared.name)
+
+
+def _named(columns: Mapping[str, str] | None) -> str | None:
+    return None if columns is None else ",".join(f"{ours}={theirs}" for ours, theirs in columns.items())
 
 
 def plan(

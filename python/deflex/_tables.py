@@ -7,6 +7,8 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
+from deflex import _deflex
+
 
 @runtime_checkable
 class Frame(Protocol):
@@ -24,14 +26,14 @@ Path = str | os.PathLike[str]
 Table = Path | Mapping[str, Sequence[Any]] | Frame
 
 
-def given(table: Table, name: str = "<table>") -> str | tuple[str, str]:
-    """The path of a file, or a name and the text of a CSV file.
+def given(table: Table, name: str = "<table>") -> tuple[str, bytes]:
+    """The name and the text of a CSV file.
 
     >>> given({"target": [1, 2], "x_mm": [0.1, None]})
-    ('<table>', 'target,x_mm\\n1,0.1\\n2,\\n')
+    ('<table>', b'target,x_mm\\n1,0.1\\n2,\\n')
     """
     if isinstance(table, (str, os.PathLike)):
-        return os.fspath(table)
+        return _deflex.read_table(table)
     names = list(table.keys() if isinstance(table, Mapping) else table.columns)
     columns = [_values(table[name]) for name in names]
     if len({len(column) for column in columns}) > 1:
@@ -41,7 +43,7 @@ def given(table: Table, name: str = "<table>") -> str | tuple[str, str]:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(names)
     writer.writerows(zip(*([_field(value) for value in column] for column in columns)))
-    return name, text.getvalue()
+    return name, text.getvalue().encode()
 
 
 def _values(column: Any) -> list[Any]:

@@ -1,7 +1,9 @@
 use crate::arrays::{Rows, column, rows, rows_for, shaped};
+use crate::effect::Effect;
 use crate::errors::{Diagnostic, OrRaise, diagnostics};
 use crate::robot::Robot;
 use crate::work;
+use deflex::cell::{NewEffect, with_effects, with_stiffness};
 use deflex::correct::{ArmState, Standing, external_of, predict_poses, tool_of};
 use deflex::robot::{PoseMatrix, pose_matrix};
 use deflex::session::CellFile;
@@ -10,13 +12,29 @@ use numpy::{PyArray2, PyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::hash::{Hash, Hasher};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A milling cell.
-#[pyclass(frozen, module = "deflex")]
+#[pyclass(frozen, eq, hash, module = "deflex")]
+#[derive(Clone)]
 pub(crate) struct Cell {
     pub(crate) file: Arc<CellFile>,
+}
+
+/// Cells are equal if their files are: name and text.
+impl PartialEq for Cell {
+    fn eq(&self, other: &Self) -> bool {
+        let (own, other) = (self.file.source(), other.file.source());
+        (&own.name, &own.bytes) == (&other.name, &other.bytes)
+    }
+}
+
+impl Hash for Cell {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        (&self.file.source().name, &self.file.source().bytes).hash(state);
+    }
 }
 
 #[pymethods]
@@ -51,7 +69,7 @@ impl Cell {
     /// The arm, with the declared stiffness.
     #[getter]
     fn robot(&self) -> Robot {
-        Robot::of(&self.file.cell().arm)
+        Robot::of(self)
     }
 
     /// Names of the declared tools, upper case.
@@ -66,10 +84,26 @@ impl Cell {
         self.file.cell().wobjs.keys().map(String::as_str).collect()
     }
 
-    /// Kinds of the effects that act, in order.
+    /// The effects that act, in order.
     #[getter]
-    fn effects(&self) -> Vec<&str> {
-        self.file.cell().arm.effects.iter().map(|effect| effect.kind()).collect()
+    fn effects(&self) -> Vec<Effect> {
+        let cell = self.file.cell();
+        let effects = cell.arm.effects.iter().zip(&cell.covariances);
+        effects
+            .map(|(effect, covariance)| Effect { effect: effect.clone_box(), covariance: covariance.clone() })
+            .collect()
+    }
+
+    /// The same cell with exactly these effects.
+    #[allow(clippy::needless_pass_by_value)] // as PyO3 extracts them
+    fn with_effects(&self, py: Python<'_>, effects: Vec<PyRef<'_, Effect>>) -> PyResult<Self> {
+        let effects: Vec<NewEffect> = effects.iter().map(|effect| effect.new_effect()).collect();
+        Self::parse(py, &with_effects(&self.to_toml(), &effects).or_raise(py)?, self.name())
+    }
+
+    /// The same cell with another stiffness of the joints.
+    fn with_stiffness(&self, py: Python<'_>, joint_nm_per_rad: [f64; 6]) -> PyResult<Self> {
+        Self::parse(py, &with_stiffness(&self.to_toml(), joint_nm_per_rad).or_raise(py)?, self.name())
     }
 
     /// Warnings about values that are possible but seldom intended.
@@ -163,7 +197,8 @@ impl Cell {
 
     fn __repr__(&self) -> String {
         let cell = self.file.cell();
-        let effects = if cell.arm.effects.is_empty() { "no effects".to_owned() } else { self.effects().join(", ") };
+        let kinds: Vec<&str> = cell.arm.effects.iter().map(|effect| effect.kind()).collect();
+        let effects = if kinds.is_empty() { "no effects".to_owned() } else { kinds.join(", ") };
         format!("Cell({:?}, {}: {effects})", self.name(), cell.arm.robot.model)
     }
 }

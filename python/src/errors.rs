@@ -6,14 +6,15 @@ use pyo3::{create_exception, intern};
 create_exception!(deflex, DeflexError, PyException, "Why there is no answer; `diagnostics` says it place by place.");
 
 /// A message: what is wrong, where, and what to do.
-#[pyclass(frozen, module = "deflex")]
+#[pyclass(frozen, eq, hash, module = "deflex")]
+#[derive(Clone, PartialEq, Hash)]
 pub(crate) struct Diagnostic {
     /// Stable short name.
     #[pyo3(get)]
-    code: &'static str,
+    code: String,
     /// `note`, `warning` or `error`.
     #[pyo3(get)]
-    severity: &'static str,
+    severity: String,
     /// What is wrong and what was expected.
     #[pyo3(get)]
     message: String,
@@ -40,11 +41,11 @@ impl From<text::Diagnostic> for Diagnostic {
             text += &printable_line(help);
         }
         Self {
-            code: said.code,
+            code: said.code.to_owned(),
             severity: match said.severity {
-                Severity::Note => "note",
-                Severity::Warning => "warning",
-                Severity::Error => "error",
+                Severity::Note => "note".to_owned(),
+                Severity::Warning => "warning".to_owned(),
+                Severity::Error => "error".to_owned(),
             },
             message: said.message,
             help: said.help,
@@ -92,4 +93,21 @@ impl<T> OrRaise<T> for Result<T, Vec<text::Diagnostic>> {
     fn or_raise(self, py: Python<'_>) -> PyResult<T> {
         self.map_err(|errors| raised(py, errors))
     }
+}
+
+/// A message in parts, from which another process makes it again: code, severity, message, help, file, text, line and column.
+type MessageParts = (String, String, String, Option<String>, String, String, usize, usize);
+
+/// The parts of a message.
+#[pyfunction]
+pub(crate) fn diagnostic_parts(said: &Diagnostic) -> MessageParts {
+    let said = said.clone();
+    (said.code, said.severity, said.message, said.help, said.file, said.text, said.line, said.column)
+}
+
+/// A message of its parts.
+#[pyfunction]
+pub(crate) fn diagnostic_of(parts: MessageParts) -> Diagnostic {
+    let (code, severity, message, help, file, text, line, column) = parts;
+    Diagnostic { code, severity, message, help, file, text, line, column }
 }

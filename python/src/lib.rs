@@ -3,6 +3,7 @@
 
 mod arrays;
 mod cell;
+mod effect;
 mod errors;
 mod program;
 mod robot;
@@ -17,13 +18,18 @@ mod _deflex {
     #[pymodule_export]
     use super::cell::Cell;
     #[pymodule_export]
-    use super::errors::{DeflexError, Diagnostic};
+    use super::effect::Effect;
     #[pymodule_export]
-    use super::program::Program;
+    use super::errors::{DeflexError, Diagnostic, diagnostic_of, diagnostic_parts};
     #[pymodule_export]
-    use super::robot::{Robot, cutting_force};
+    use super::program::{Program, program_of, program_parts};
     #[pymodule_export]
-    use super::run::{Done, Found, Planned, Simulated, compensate, identify, plan, predict, simulate};
+    use super::robot::{Robot, cutting_force, robot_parts};
+    #[pymodule_export]
+    use super::run::{
+        columns, diff, driven_path, identify, identify_path, init, inspect, page, plan, read_table, run, simulate,
+        unrounded, write,
+    };
     #[pymodule_export]
     use super::{main, version};
 }

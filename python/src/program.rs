@@ -1,7 +1,12 @@
 use crate::errors::OrRaise;
 use crate::work;
-use deflex::session::ProgramFiles;
+use deflex::program::Language;
+use deflex::session::{ProgramFiles, ProgramParts};
+use deflex::text::Source;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
+use pyo3::types::PyBytes;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -24,7 +29,8 @@ impl From<Paths> for Vec<PathBuf> {
 }
 
 /// The files of one program.
-#[pyclass(frozen, module = "deflex")]
+#[pyclass(frozen, eq, hash, module = "deflex")]
+#[derive(PartialEq, Hash)]
 pub(crate) struct Program {
     pub(crate) files: Arc<ProgramFiles>,
 }
@@ -75,4 +81,49 @@ impl Program {
     fn __repr__(&self) -> String {
         format!("Program({:?}, {}, {} bytes)", self.files.name(), self.language(), self.bytes())
     }
+}
+
+/// A named text.
+type Named = (String, PyBackedBytes);
+
+/// A program in parts: name, language, files under their names, files that go with them, and files that declare names.
+type Parts = (String, String, Vec<Named>, Vec<PathBuf>, Vec<(PathBuf, PyBackedBytes)>, Vec<Named>);
+
+/// The parts of a program, from which another process makes it again.
+#[pyfunction]
+#[allow(clippy::type_complexity)] // a tuple for `pickle`
+pub(crate) fn program_parts<'py>(
+    py: Python<'py>,
+    program: &Program,
+) -> (
+    String,
+    &'static str,
+    Vec<(String, Bound<'py, PyBytes>)>,
+    Vec<PathBuf>,
+    Vec<(PathBuf, Bound<'py, PyBytes>)>,
+    Vec<(String, Bound<'py, PyBytes>)>,
+) {
+    let named = |sources: &[Source]| {
+        sources.iter().map(|source| (source.name.clone(), PyBytes::new(py, &source.bytes))).collect()
+    };
+    let ProgramParts { name, language, texts, files, companions, context } = program.files.parts();
+    let companions = companions.iter().map(|(name, bytes)| (name.clone(), PyBytes::new(py, bytes))).collect();
+    (name, language.word(), named(&texts), files, companions, named(&context))
+}
+
+/// A program of its parts.
+#[pyfunction]
+pub(crate) fn program_of(parts: Parts) -> PyResult<Program> {
+    let (name, language, texts, files, companions, context) = parts;
+    let sources = |texts: Vec<Named>| texts.into_iter().map(|(name, text)| Source::new(name, &text[..])).collect();
+    let language = Language::ALL.into_iter().find(|known| known.word() == language);
+    let parts = ProgramParts {
+        name,
+        language: language.ok_or_else(|| PyValueError::new_err("the program is in no known language"))?,
+        texts: sources(texts),
+        files,
+        companions: companions.into_iter().map(|(name, bytes)| (name, bytes.to_vec())).collect(),
+        context: sources(context),
+    };
+    Ok(Program { files: Arc::new(parts.into()) })
 }

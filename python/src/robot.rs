@@ -1,11 +1,12 @@
 use crate::arrays::{Matrices, Rows, matrices, rows, shaped};
+use crate::cell::Cell;
 use crate::work;
 use deflex::cutting::{Coefficients, Cutter, Engagement, Mode, materials, mean_forces};
-use deflex::equilibrium::Arm;
 use deflex::robot::{self, BUILTIN, Builtin, Joints, Pose, Unreachable, pose_of_matrix};
 use numpy::{PyArray2, PyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// An arm as its controller knows it.
 #[pyclass(frozen, module = "deflex")]
@@ -13,11 +14,15 @@ pub(crate) struct Robot {
     robot: robot::Robot,
     stiffness: Option<Joints>,
     start_deg: [f64; 6],
+    /// The cell that describes it; a built-in robot has none.
+    cell: Option<Cell>,
 }
 
 impl Robot {
-    pub(crate) fn of(arm: &Arm) -> Self {
-        Self { robot: arm.robot.clone(), stiffness: arm.stiffness, start_deg: arm.robot.home_deg() }
+    pub(crate) fn of(cell: &Cell) -> Self {
+        let arm = &cell.file.cell().arm;
+        let (robot, start_deg) = (arm.robot.clone(), arm.robot.home_deg());
+        Self { robot, stiffness: arm.stiffness, start_deg, cell: Some(cell.clone()) }
     }
 }
 
@@ -40,7 +45,7 @@ impl Robot {
             PyValueError::new_err(format!("{model:?} is no built-in robot{meant}"))
         };
         let robot = Builtin::named(model).map_err(unknown)?.robot();
-        Ok(Self { start_deg: robot.home_deg(), robot, stiffness: None })
+        Ok(Self { start_deg: robot.home_deg(), robot, stiffness: None, cell: None })
     }
 
     /// The models of the built-in robots.
@@ -152,6 +157,22 @@ impl Robot {
     fn __repr__(&self) -> String {
         format!("Robot({:?})", self.robot.model)
     }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.robot.model == other.robot.model && self.cell == other.cell
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        (&self.robot.model, &self.cell).hash(&mut hasher);
+        hasher.finish()
+    }
+}
+
+/// What another process makes a robot from: its model, and the cell that describes it.
+#[pyfunction]
+pub(crate) fn robot_parts(robot: &Robot) -> (String, Option<Cell>) {
+    (robot.robot.model.to_string(), robot.cell.clone())
 }
 
 /// Mean cutting force; a row of `engagements` is depth, width, feed per tooth (mm), lead and tilt (degrees).

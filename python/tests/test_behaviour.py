@@ -146,14 +146,14 @@ def test_tables_keep_every_bit():
 
     values = [0.1, 1 / 3, -1e-17, 12345.678901234567, 2.0]
     columns = {"target": [1, 2, 3, 4, 5], "x_mm": values}
-    texts = {given(table)[1] for table in (columns, pandas.DataFrame(columns), polars.DataFrame(columns))}
+    texts = {given(table)[1].decode() for table in (columns, pandas.DataFrame(columns), polars.DataFrame(columns))}
     assert len(texts) == 1
     fields = [line.split(",")[1] for line in texts.pop().splitlines()[1:]]
     assert [float(field) for field in fields] == values
-    assert given(pandas.DataFrame({"name": ["a,b"], "x": [np.nan]}))[1] == 'name,x\n"a,b",\n'
+    assert given(pandas.DataFrame({"name": ["a,b"], "x": [np.nan]}))[1] == b'name,x\n"a,b",\n'
     nullable = pandas.DataFrame({"target": pandas.array([1, None], dtype="Int64"), "holdout": [True, False]})
-    assert given(nullable)[1] == "target,holdout\n1,1\n,0\n"
-    assert given({"target": np.array([1, 2]), "holdout": list(np.array([True, False]))})[1] == "target,holdout\n1,1\n2,0\n"
+    assert given(nullable)[1] == b"target,holdout\n1,1\n,0\n"
+    assert given({"target": np.array([1, 2]), "holdout": list(np.array([True, False]))})[1] == b"target,holdout\n1,1\n2,0\n"
     with pytest.raises(ValueError, match="differ in length"):
         given({"a": [1], "b": [1, 2]})
 
@@ -173,7 +173,77 @@ def test_wrong_arguments_say_so():
 def test_a_cell_is_copied_and_sent_to_other_processes():
     cell = deflex.Cell.read("samples/slot/cell.toml")
     for twin in (pickle.loads(pickle.dumps(cell)), copy.deepcopy(cell)):
+        assert twin == cell and hash(twin) == hash(cell) and twin is not cell
         assert (twin.to_toml(), twin.name) == (cell.to_toml(), cell.name)
+    assert deflex.Cell.parse(cell.to_toml() + "\n", cell.name) != cell
+
+
+def twins(original: object) -> list[object]:
+    return [pickle.loads(pickle.dumps(original)), copy.deepcopy(original), copy.copy(original)]
+
+
+def test_programs_robots_effects_and_messages_are_copied_and_compared(tmp_path):
+    program = deflex.Program.read("samples/slot/slot.mod")
+    cell = deflex.Cell.read("samples/closed-loop/cell.toml")
+    for original in (program, deflex.Robot("irb6660-205-1.9"), cell.robot):
+        for twin in twins(original):
+            assert twin == original and hash(twin) == hash(original) and repr(twin) == repr(original)
+    assert deflex.Robot("irb6660-205-1.9") != deflex.Robot("irb120-3-0.58") and cell.robot != deflex.Robot(cell.robot.model)
+    (sent,) = pickle.loads(pickle.dumps([program]))
+    assert deflex.compensate(sent, "samples/slot/cell.toml").text == deflex.compensate(program, "samples/slot/cell.toml").text
+    other = tmp_path / "slot.mod"
+    other.write_text(open("samples/slot/slot.mod").read() + " ")
+    assert deflex.Program.read(other) != program
+    for effect in cell.effects:
+        assert all(twin == effect for twin in twins(effect))
+    with pytest.raises(deflex.DeflexError) as raised:
+        deflex.Program.read("no such file.mod")
+    sent = pickle.loads(pickle.dumps(raised.value))
+    assert str(sent) == str(raised.value) and sent.diagnostics == raised.value.diagnostics
+
+
+def test_results_are_copied_and_compared():
+    program, cell = "samples/slot/slot.mod", "samples/slot/cell.toml"
+    forces = {"target": [1, 2], "fx_n": [100.0, 0.0], "fy_n": [0.0, 0.0], "fz_n": [0.0, 50.0]}
+    done = deflex.compensate(program, cell)
+    results = [done, deflex.predict(program, cell, forces), deflex.check(program, cell, max_error_mm=0.1)]
+    results += [deflex.diff(program, program), deflex.inspect(program)]
+    for result in results:
+        for twin in twins(result):
+            assert twin == result and repr(twin) == repr(result) and twin.html == result.html and twin.json == result.json
+    assert done != deflex.compensate(program, cell, free_spin=True) and done != results[1]
+    sent = pickle.loads(pickle.dumps(done))
+    assert sent.files == done.files and not sent.report["error_mm"].flags.writeable
+    assert (sent.unrounded["error_mm"] == done.unrounded["error_mm"]).all()
+
+
+def test_effects_have_names_values_units_and_priors():
+    cell = deflex.Cell.read("samples/closed-loop/cell.toml")
+    text = 'kind = "backlash"\nhalf_gap_rad = [1e-4, 0.0, 0.0, 0.0, 0.0, 2e-4]\n'
+    gap = deflex.Effect.parse(text, (1e-12 * np.eye(6)).tolist())
+    assert gap.names[0] == "half_gap_rad[0]" and gap.units == ["rad"] * len(gap.names)
+    assert gap.values[0] == 1e-4 and gap.values[5] == 2e-4 and (gap.bounds[:, 0] == 0).all()
+    assert (gap.prior_mean == 0).all() and (gap.prior_std > 0).all() and (gap.covariance == 1e-12 * np.eye(6)).all()
+    wider = cell.with_effects([*cell.effects, gap])
+    assert wider.effects == [*cell.effects, gap] and [effect.kind for effect in wider.effects][-1] == "backlash"
+    assert wider.with_effects(cell.effects).effects == cell.effects
+    # What is in the file stays as it is; other values have no covariance.
+    assert wider.with_effects(wider.effects) == wider
+    doubled = gap.with_values(2 * gap.values)
+    assert doubled.covariance is None and (doubled.values == 2 * gap.values).all()
+    assert wider.with_effects([*cell.effects, doubled]).effects[-1] == doubled
+    with pytest.raises(ValueError, match="expected 0"):
+        gap.with_values(-gap.values)
+    with pytest.raises(ValueError, match="no kind of effect"):
+        deflex.Effect.parse('kind = "backslash"')
+    # Twice the stiffness, half the deflection: both cells have the joints alone.
+    slot = deflex.Cell.read("samples/slot/cell.toml")
+    springs = next(line for line in slot.to_toml().splitlines() if line.startswith("joint_nm_per_rad"))
+    numbers = np.array([float(number) for number in springs.split("[")[1].split("]")[0].split(",")])
+    stiffer = slot.with_stiffness(2 * numbers)
+    q, force = [[0, 20, 10, 0, 60, 0]], [[0, 0, 10.0]]
+    sag = [(c.predict_poses(q, force) - c.predict_poses(q))[0, :3, 3] for c in (slot, stiffer)]
+    assert np.allclose(sag[0], 2 * sag[1], rtol=1e-3) and np.linalg.norm(sag[1]) > 0
 
 
 def test_words_that_are_no_options_are_refused():

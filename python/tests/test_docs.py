@@ -20,7 +20,7 @@ def test_examples_of_modules(module):
 def test_examples_of_the_compiled_module():
     parser, runner = doctest.DocTestParser(), doctest.DocTestRunner()
     undocumented = []
-    for owner in (_deflex.Cell, _deflex.Program, _deflex.Robot, _deflex.Diagnostic):
+    for owner in (_deflex.Cell, _deflex.Effect, _deflex.Program, _deflex.Robot, _deflex.Diagnostic):
         for name, thing in vars(owner).items():
             if name.startswith("_"):
                 continue

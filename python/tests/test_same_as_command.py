@@ -206,3 +206,108 @@ def test_the_command_is_the_module(command):
     assert b"deflex compensate" in command("--help").stdout
     command("predict", "samples/slot/slot.mod", code=2)
     assert "usage" in command("predict", code=2).stderr.decode().lower()
+
+
+@pytest.mark.parametrize("options", [{"max_error_mm": 0.1}, {"max_error_mm": 5.0, "max_correction_mm": 0.05}, {"max_error_mm": 1.0, "at_targets": True}])
+def test_check(options, command, tmp_path):
+    program, cell = "samples/slot/slot.mod", "samples/slot/cell.toml"
+    report, answer, page = (tmp_path / name for name in ("out.csv", "out.json", "out.html"))
+    words = [f"--{name.removesuffix('_mm').replace('_', '-')}" for name in options]
+    args = [part for word, value in zip(words, options.values()) for part in ((word,) if value is True else (word, value))]
+    base = ("check", program, "--cell", cell, *args)
+    printed = command(*base, "--json", answer, "--report", report, "--html", page, code=None)
+    found = deflex.check(program, cell, **options)
+    assert found.passed == (printed.returncode == 0) and found.text.encode() == printed.stdout
+    assert found.json == json.loads(answer.read_text())
+    assert found.html == page.read_text()
+    same_report(found.report, report.read_text())
+    for form in ("sarif", "junit"):
+        assert getattr(found, form).encode() == command(*base, "--output-format", form, code=None).stdout
+
+
+def test_check_of_a_long_program_and_against_its_original(long_program, steep_cell, command, tmp_path):
+    answer, report = tmp_path / "out.json", tmp_path / "out.csv"
+    args = ("--cell", steep_cell, "--max-error", 0.05, "--json", answer, "--report", report)
+    command("check", long_program, *args, code=1)
+    found = deflex.check(long_program, steep_cell, max_error_mm=0.05)
+    assert not found.passed and found.json == json.loads(answer.read_text()) and found.csv == report.read_text()
+    done = deflex.compensate("samples/slot/slot.mod", "samples/slot/cell.toml")
+    done.write(tmp_path / "out.mod")
+    judged = {"against": "samples/slot/slot.mod", "max_error_mm": 0.05}
+    assert deflex.check(tmp_path / "out.mod", "samples/slot/cell.toml", **judged).passed
+
+
+def test_an_unreachable_target_is_a_finding(command, tmp_path):
+    far = tmp_path / "far.mod"
+    far.write_text(Path("samples/slot/slot.mod").read_text().replace("MoveL [[", "MoveL [[9", 1))
+    answer = tmp_path / "out.json"
+    command("check", far, "--cell", "samples/slot/cell.toml", "--max-error", 1, "--json", answer, code=1)
+    found = deflex.check(far, "samples/slot/cell.toml", max_error_mm=1.0)
+    assert not found.passed and found.json == json.loads(answer.read_text())
+
+
+def test_diff(command, tmp_path):
+    original, corrected = "samples/slot/slot.mod", tmp_path / "out.mod"
+    deflex.compensate(original, "samples/slot/cell.toml").write(corrected)
+    report, answer, page = (tmp_path / name for name in ("out.csv", "out.json", "out.html"))
+    printed = command("diff", original, corrected, code=1).stdout
+    command("diff", original, corrected, "--report", report, "--json", answer, "--html", page, code=1)
+    found = deflex.diff(original, corrected)
+    assert found and found.text.encode() == printed and found.csv == report.read_text()
+    assert found.json == json.loads(answer.read_text()) and found.html == page.read_text()
+    assert len(found.report["shift_mm"]) == len(found.json["moved"])
+    assert not deflex.diff(original, original)
+
+
+def test_inspect(command, tmp_path):
+    answer = tmp_path / "out.json"
+    printed = command("inspect", "samples/slot", "samples/blade", "--json", answer).stdout
+    found = deflex.inspect(["samples/slot", "samples/blade"])
+    assert found.text.encode() == printed and found.json == json.loads(answer.read_text())
+    command("inspect", "samples/slot/cell.toml", code=2)
+    with pytest.raises(deflex.DeflexError, match="recognised"):
+        deflex.inspect("samples/slot/cell.toml")
+
+
+def test_init(command, tmp_path):
+    assert deflex.init("irb6660-205-1.9").encode() == command("init", "--robot", "irb6660-205-1.9").stdout
+    command("init", "--robot", "irb6660-205-1.8", code=2)
+    with pytest.raises(deflex.DeflexError, match="no built-in robot"):
+        deflex.init("irb6660-205-1.8")
+    with pytest.raises(deflex.DeflexError, match="cannot be read"):
+        deflex.init(backup=tmp_path)
+    with pytest.raises(ValueError, match="give robot"):
+        deflex.init()
+
+
+PATH_LAW = "\n[controller.path]\nzone_share = 0.5\nsmoothing_s = [0.02, 0.02]\nacceleration_mm_s2 = 3000.0\n"
+
+
+def test_the_driven_path(command, tmp_path):
+    program, cell, path = "samples/slot/slot.mod", tmp_path / "cell.toml", tmp_path / "path.csv"
+    cell.write_text(Path("samples/slot/cell.toml").read_text() + PATH_LAW)
+    command("predict", program, "--cell", cell, "--path", path)
+    same_report(deflex.predict(program, cell).path, path.read_text())
+    written = tmp_path / "out.mod"
+    done = command("compensate", program, "--cell", cell, "--max-path-error", 0.3, "-o", written, code=None)
+    if done.returncode:
+        with pytest.raises(deflex.DeflexError):
+            deflex.compensate(program, cell, max_path_error_mm=0.3)
+    else:
+        assert deflex.compensate(program, cell, max_path_error_mm=0.3).text == written.read_text()
+
+
+@pytest.mark.slow
+def test_identify_sparse(command, tmp_path):
+    cell, program, measured = (f"samples/closed-loop/{name}" for name in ("cell.toml", "part.mod", "measured.csv"))
+    answer, extended = tmp_path / "found.json", tmp_path / "cell.toml"
+    command("identify", "--run", program, measured, "--cell", cell, "--sparse", "-o", extended, "--json", answer)
+    found = deflex.identify(runs=[(program, measured)], cell=cell, sparse=True)
+    assert found.json == json.loads(answer.read_text()) and found.cell.to_toml() == extended.read_text()
+
+
+def test_a_log_of_another_program_is_refused(tmp_path):
+    log = {"time_s": [0.0, 0.1, 0.2], **{f"q{axis}_deg": [0.0, 0.0, 0.0] for axis in range(1, 7)}}
+    logs = [("samples/slot/slot.mod", log)] * 2
+    with pytest.raises(deflex.DeflexError):
+        deflex.identify_path(logs, cell="samples/slot/cell.toml")

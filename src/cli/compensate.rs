@@ -11,8 +11,8 @@ use crate::session::input::Context;
 use crate::session::job::Job;
 use crate::session::output::{Outputs, cannot_write, is_stdout, one_thing};
 use crate::session::read::{both, other_ending};
-use crate::session::written::{Written, written};
-use deflex::correct::{self, RAPID_MM_S};
+use crate::session::written::{Edited, Written, written};
+use deflex::correct::RAPID_MM_S;
 use deflex::program::Language;
 use deflex::report::html::{PathKind, PathTrace};
 use deflex::text::{Diagnostic, Severity};
@@ -63,19 +63,9 @@ impl Batch<'_> {
         let program = setup.program(job)?;
         let options = setup.options_followed(progress::of_one(bar, self.programs).map(progress::cutting));
         let cell = &setup.cell.cell;
-        // The program that was edited, if it differs from the given one.
-        let mut shaped = None;
-        let corrected = match args.max_path_error.map(|mm| 1e-3 * mm) {
-            Some(tolerance) => correct::compensate_driven(&program, cell, &options, tolerance).map(|driven| {
-                shaped = Some(driven.program);
-                driven.corrected
-            }),
-            None => correct::compensate(&program, cell, &options),
-        };
-        let corrected = corrected.map_err(|e| setup.cell.own(e))?;
-        if !corrected.failures.is_empty() {
-            return Err(corrected.failures);
-        }
+        let tolerance = args.max_path_error.map(|mm| 1e-3 * mm);
+        let edited = Edited::new(&program, cell, &options, tolerance);
+        let Edited { shaped, corrected } = edited.map_err(|errors| setup.cell.own(errors))?;
         let mut outputs = self.outputs.sibling();
         let post = || post_options(args, &files[0]);
         let Written { files: written, notes } =

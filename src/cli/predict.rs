@@ -93,9 +93,7 @@ fn driven_path(setup: &Setup, jobs: &[Job], quiet: bool) -> Result<Vec<u8>, Vec<
         let message = format!("--path samples the path of one program, and {} are given", jobs.len());
         return Err(vec![Diagnostic::error("usage.path", "", message).help("give the programs one at a time")]);
     };
-    let program = setup.program(job.clone().held()?)?;
-    let path = correct::loaded_path(&program, &setup.cell.cell, &setup.options);
-    let path = path.map_err(|errors| setup.cell.own(errors))?;
+    let path = setup.driven_path(&setup.program(job.clone().held()?)?)?;
     message::print(&path.notes, quiet);
     Ok(path_csv(&path.samples))
 }

@@ -3,6 +3,8 @@
 use super::against::Originals;
 use super::progress;
 use super::report::ProgramReports;
+use crate::session::Tolerances;
+use crate::session::checked::Listed;
 use crate::session::job::Job;
 use crate::session::lines;
 use crate::session::output::{Outputs, cannot_write};
@@ -13,7 +15,7 @@ use deflex::correct::{Judge, Judged, StreamError, Streamed, predict_long};
 use deflex::program::LongText;
 use deflex::report::html::PathTrace;
 use deflex::report::{Digest, Findings};
-use deflex::text::{Diagnostic, Severity};
+use deflex::text::Diagnostic;
 use indicatif::ProgressBar;
 use std::path::Path;
 
@@ -42,21 +44,11 @@ impl Batch<'_> {
     }
 }
 
-/// The part of `check` that runs on each chunk.
-#[derive(Clone, Copy)]
-pub(super) struct Question<'a> {
-    /// Whether the program is corrected too, for `--max-correction`.
-    pub(super) corrects: bool,
-    pub(super) findings: &'a (dyn Fn(Judged<'_>) -> Vec<Diagnostic> + Sync),
-}
-
 /// Result of a long program that was predicted in chunks.
 pub(super) struct Predicted {
     pub(super) passed: Passed,
     /// Findings of `check`; empty for `predict`.
-    pub(super) findings: Findings,
-    /// Targets that were not judged.
-    pub(super) unjudged: Findings,
+    pub(super) listed: Listed,
 }
 
 /// Result of a long program that was read in chunks.
@@ -103,7 +95,7 @@ pub(super) fn streamed(
     batch: &Batch<'_>,
     job: &Job,
     bar: &ProgressBar,
-    question: Option<Question<'_>>,
+    tolerances: Option<&Tolerances>,
 ) -> Result<Option<Predicted>, Vec<Diagnostic>> {
     let setup = batch.setup;
     let Some(program) = setup.long(job) else { return Ok(None) };
@@ -131,23 +123,17 @@ pub(super) fn streamed(
         )?;
         let threads = rayon::current_num_threads().div_ceil(batch.programs);
         let run = (&setup.cell.cell, &setup.options, threads);
-        let (mut findings, mut unjudged) = (Findings::default(), Findings::default());
-        let mut found = |more: Vec<Diagnostic>| {
-            let (skipped, wrong) = more.into_iter().partition(|found| found.severity != Severity::Error);
-            findings.add(wrong);
-            unjudged.add(skipped);
-        };
-        let judge = question.map(|Question { corrects, findings }| Judge {
-            corrects,
-            refusals: Findings::MOST,
-            findings,
-            found: &mut found,
-        });
+        let mut listed = Listed::default();
+        let mut found = |more| listed.add(more);
+        let findings = tolerances.map(|tolerances| |judged: Judged<'_>| tolerances.findings(judged));
+        let corrects = tolerances.is_some_and(|tolerances| tolerances.corrects(original.is_some()));
+        let judge =
+            findings.as_ref().map(|findings| Judge { corrects, refusals: Findings::MOST, findings, found: &mut found });
         let done = reports.filled(bar, |sinks| predict_long(&program, original.as_ref(), run, judge, sinks));
         if done.as_ref().is_ok_and(|streamed| !streamed.refused.is_empty()) {
             reports = reports.emptied(batch.path.clone())?;
         }
         let passed = Passed::of(done, reports, outputs, program.text(), setup)?;
-        Ok(passed.map(|passed| Predicted { passed, findings, unjudged }))
+        Ok(passed.map(|passed| Predicted { passed, listed }))
     })
 }

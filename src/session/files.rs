@@ -4,7 +4,9 @@ use crate::session::job::{Job, Long};
 use crate::session::read::all;
 use crate::session::text::Text;
 use deflex::program::{Language, Program};
+use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source};
+use std::hash::{Hash, Hasher};
 use std::path::PathBuf;
 
 /// The files of one program, read and not yet parsed.
@@ -29,7 +31,65 @@ pub struct ProgramFiles {
     context: Context,
 }
 
+/// The parts of a program's files, for a copy in another process.
+///
+/// # Examples
+/// ```
+/// use deflex::session::{ProgramFiles, ProgramParts};
+///
+/// let files = ProgramFiles::read(&["samples/slot/slot.mod".into()], &[], None)?;
+/// let ProgramParts { name, texts, .. } = files.parts();
+/// assert!(name == "samples/slot/slot.mod" && texts.len() == 1);
+/// assert!(ProgramFiles::from(files.parts()) == files);
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct ProgramParts {
+    /// Name of the program: see [`ProgramFiles::name`].
+    pub name: String,
+    /// Language of all files.
+    pub language: Language,
+    /// Texts of the files.
+    pub texts: Vec<Source>,
+    /// Names of the files in an output folder.
+    pub files: Vec<PathBuf>,
+    /// Files that are copied into the output folder without a change.
+    pub companions: Vec<(PathBuf, Vec<u8>)>,
+    /// Modules that declare names and are never written.
+    pub context: Vec<Source>,
+}
+
+impl From<ProgramParts> for ProgramFiles {
+    fn from(parts: ProgramParts) -> Self {
+        let ProgramParts { name, language, texts, files, companions, context } = parts;
+        let texts = texts.into_iter().map(Text::Held).collect();
+        Self { job: Job::of_parts(name, texts, files, companions, language), context: Context::from(context) }
+    }
+}
+
+/// Programs are equal if the names and bytes of all their files are.
+impl PartialEq for ProgramFiles {
+    fn eq(&self, other: &Self) -> bool {
+        self.key() == other.key()
+    }
+}
+
+impl Eq for ProgramFiles {}
+
+impl Hash for ProgramFiles {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.key().hash(state);
+    }
+}
+
 impl ProgramFiles {
+    /// What distinguishes the program from others.
+    fn key(&self) -> impl PartialEq + Hash + '_ {
+        let sources = self.sources().into_iter().chain(self.context.sources());
+        let sources: Vec<_> = sources.map(|source| (&source.name, &source.bytes)).collect();
+        (&self.job.name, self.job.language, sources, &self.job.files, &self.job.companions)
+    }
+
     /// Reads the files of one program: RAPID modules, a `.pgf` list, or one file in another language. `context` are
     /// modules that declare names and are never written. `format` is the value of `--input-format`, for files whose
     /// content and ending do not show the language.
@@ -82,6 +142,19 @@ impl ProgramFiles {
         &self.job.companions
     }
 
+    /// The parts of the program.
+    #[must_use]
+    pub fn parts(&self) -> ProgramParts {
+        ProgramParts {
+            name: self.job.name.clone(),
+            language: self.job.language,
+            texts: self.sources().into_iter().cloned().collect(),
+            files: self.job.files.clone(),
+            companions: self.job.companions.clone(),
+            context: self.context.sources().to_vec(),
+        }
+    }
+
     /// Parses the program for a run with a cell. CL data are read with the cell's `[cl]` table and tools; `tool` is the
     /// value of `--tool`.
     ///
@@ -97,6 +170,11 @@ impl ProgramFiles {
     /// Everything that the reader of the language refuses.
     pub fn parse_alone(&self) -> Result<Program, Vec<Diagnostic>> {
         input::program_alone(self.job.clone(), &self.context)
+    }
+
+    /// Names and hashes of its files, which results state.
+    pub(super) fn origins(&self) -> Vec<Origin> {
+        self.sources().iter().map(|source| Origin::of(&source.name, &source.bytes)).collect()
     }
 
     pub(super) fn marked(&self) -> Result<(), Vec<Diagnostic>> {

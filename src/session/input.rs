@@ -64,6 +64,12 @@ pub(crate) struct Context {
     sources: Vec<Source>,
 }
 
+impl From<Vec<Source>> for Context {
+    fn from(sources: Vec<Source>) -> Self {
+        Self { sources }
+    }
+}
+
 impl Context {
     pub(crate) fn of(paths: &[PathBuf]) -> Result<Self, Vec<Diagnostic>> {
         Ok(Self { sources: sources(paths)? })

@@ -42,6 +42,17 @@ impl Job {
         Self::of_text(Text::of(path)?, path, format)
     }
 
+    /// The job of texts that have been grouped already.
+    pub(crate) fn of_parts(
+        name: String,
+        texts: Vec<Text>,
+        files: Vec<PathBuf>,
+        companions: Vec<(PathBuf, Vec<u8>)>,
+        language: Language,
+    ) -> Self {
+        Self { name, texts, files, companions, language, listed: false }
+    }
+
     /// The one program that these files form; an error if they are several programs.
     pub(crate) fn one(jobs: Vec<Self>) -> Result<Self, Vec<Diagnostic>> {
         let jobs = grouped(jobs)?;

@@ -2,14 +2,16 @@
 //! the run.
 
 use super::{Done, ProgramFiles, Run, noticed};
+use crate::session::Tolerances;
+use crate::session::checked::{Chunks, Found, Listed};
 use crate::session::job;
 use crate::session::lines::quote;
 use crate::session::report::Noticed;
 use crate::session::text::Text;
-use deflex::correct::{LaidOut, Sinks, StreamError, Streamed, compensate_long, post_long, predict_long};
+use deflex::correct::{Judge, LaidOut, Sinks, StreamError, Streamed, compensate_long, post_long, predict_long};
 use deflex::program::InChunks;
 use deflex::report::html::{PathKind, PathTrace};
-use deflex::report::{CSV_HEADER, FileSummary, Unrounded, csv_rows};
+use deflex::report::{CSV_HEADER, FileSummary, Findings, Unrounded, csv_rows};
 use deflex::text::{Diagnostic, Source};
 use std::io::{self, Cursor, Write};
 use std::path::PathBuf;
@@ -84,13 +86,8 @@ impl<'a> Long<'a> {
 
     /// Predicts the program without correcting it; `None` if it, or its original, can be understood only as a whole.
     pub(super) fn predict(&self, against: Option<&ProgramFiles>) -> Answer {
-        let original = match against {
-            Some(original) => match original.long(self.run) {
-                Some(original) => Some(original),
-                None => return Ok(None),
-            },
-            None => None,
-        };
+        let original = against.map(|original| original.long(self.run));
+        let Some(original) = original.map_or(Some(None), |long| long.map(Some)) else { return Ok(None) };
         self.program.by_chunks(|program| {
             let noticed = Noticed::new(self.run.setup.options.forces.as_ref(), None);
             let (reports, done) = self.filled((PathKind::Predict, noticed), |sinks| {
@@ -99,6 +96,42 @@ impl<'a> Long<'a> {
                 predict_long(&program, original.as_ref(), run, None, sinks)
             });
             self.done(done, reports, Vec::new())
+        })
+    }
+
+    /// Checks the program, and returns what was found with the report; `None` if it, or its original, can be understood
+    /// only as a whole.
+    pub(super) fn check(
+        &self,
+        against: Option<&ProgramFiles>,
+        tolerances: &Tolerances,
+    ) -> Result<Option<(Found, Vec<u8>)>, Vec<Diagnostic>> {
+        let original = against.map(|original| original.long(self.run));
+        let Some(original) = original.map_or(Some(None), |long| long.map(Some)) else { return Ok(None) };
+        let setup = &self.run.setup;
+        self.program.by_chunks(|program| {
+            let noticed = Noticed::new(setup.options.forces.as_ref(), None);
+            let mut listed = Listed::default();
+            let judge = Judge {
+                corrects: tolerances.corrects(original.is_some()),
+                refusals: Findings::MOST,
+                findings: &|judged| tolerances.findings(judged),
+                found: &mut |more| listed.add(more),
+            };
+            let (mut reports, done) = self.filled((PathKind::Check, noticed), |sinks| {
+                let run = (&setup.cell.cell, &setup.options, Self::threads());
+                predict_long(&program, original.as_ref(), run, Some(judge), sinks)
+            });
+            let Some(mut streamed) = self.passed(done, &mut reports)? else { return Ok(None) };
+            if !streamed.refused.is_empty() {
+                // No target of a refused program is judged.
+                (reports.csv, reports.path) = (CSV_HEADER.into(), self.run.path(PathKind::Check));
+            }
+            let name = self.files.name();
+            streamed.notes.extend(reports.noticed.notes(name)?);
+            let digest = reports.noticed.into_digest();
+            let chunks = Chunks { name, streamed, digest, listed, path: reports.path };
+            Ok(Some((tolerances.streamed(chunks, &setup.cell)?, reports.csv)))
         })
     }
 
@@ -140,20 +173,30 @@ impl<'a> Long<'a> {
         mut reports: Reports<'_>,
         files: Vec<(PathBuf, Vec<u8>)>,
     ) -> Answer {
+        let Some(done) = self.passed(done, &mut reports)? else { return Ok(None) };
+        let name = self.files.name();
+        let noticed = reports.noticed.notes(name)?;
+        let summary = FileSummary::of_streamed(name, &done);
+        let notes = done.notes.into_iter().chain(noticed).collect();
+        let Reports { path, csv, numbers, .. } = reports;
+        Ok(Some(Done { files, csv, summary, notes, path, numbers }))
+    }
+
+    /// The result of a run that has no failures, with the program's lines in its path.
+    fn passed(
+        &self,
+        done: Result<Streamed, StreamError>,
+        reports: &mut Reports<'_>,
+    ) -> Result<Option<Streamed>, Vec<Diagnostic>> {
         let Some(done) = self.through(done)? else { return Ok(None) };
         self.run.setup.check_forces(&done)?;
         if !done.failures.is_empty() {
             return Err(done.failures);
         }
-        let name = self.files.name();
-        let noticed = reports.noticed.notes(name)?;
-        let summary = FileSummary::of_streamed(name, &done);
-        let notes = done.notes.into_iter().chain(noticed).collect();
         if let Some(path) = &mut reports.path {
             quote(path, &self.source().bytes[..]);
         }
-        let Reports { path, csv, numbers, .. } = reports;
-        Ok(Some(Done { files, csv, summary, notes, path, numbers }))
+        Ok(Some(done))
     }
 
     fn through<T>(&self, done: Result<T, StreamError>) -> Result<Option<T>, Vec<Diagnostic>> {

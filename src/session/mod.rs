@@ -21,12 +21,15 @@
 
 pub(crate) mod again;
 pub(crate) mod blocks;
+pub(crate) mod checked;
+mod compared;
 pub(crate) mod file_state;
 mod files;
 pub(crate) mod finished;
 pub(crate) mod forces;
 mod identified;
 pub(crate) mod input;
+mod inspected;
 pub(crate) mod job;
 pub(crate) mod lines;
 mod long;
@@ -36,22 +39,27 @@ pub(crate) mod read;
 pub(crate) mod report;
 pub(crate) mod setup;
 mod simulated;
+mod template;
 pub(crate) mod text;
 mod write;
 pub(crate) mod written;
 
-pub use files::ProgramFiles;
+pub use checked::{Checked, Tolerances, check, check_page};
+pub use compared::{Compared, diff};
+pub use files::{ProgramFiles, ProgramParts};
 pub use identified::{Identified, MeasuredFile, MeasuredRunFiles, identify, identify_path};
 pub use input::CellFile;
+pub use inspected::{Inspected, inspect, programs_in};
 pub use planned::{Planned, plan};
 pub use simulated::{Simulated, SimulationProgress, simulate};
+pub use template::{CellSource, init};
 pub use write::write;
 
 use again::Again;
-use deflex::correct::{self, Corrected, CutProgress, Options, PostOptions};
+use deflex::correct::{self, Corrected, CutProgress, LoadedPath, Options, PostOptions};
 use deflex::program::{Language, Program};
 use deflex::report::html::{PathKind, PathPage, PathTrace};
-use deflex::report::{FileSummary, Origin, Unrounded};
+use deflex::report::{FileSummary, Unrounded};
 use deflex::text::{Diagnostic, Source};
 use finished::Finished;
 use forces::ForceFile;
@@ -61,7 +69,7 @@ use setup::Setup;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use written::{Written, posted_from, written};
+use written::{Edited, Written, posted_from, written};
 
 /// Receives the number of targets and of program bytes that are done. The run is cancelled when it returns `false`.
 pub type Follow = dyn Fn(usize, u64) -> bool + Send + Sync;
@@ -86,6 +94,9 @@ pub struct Run {
     setup: Setup,
     /// Whether a program that has been corrected already is corrected once more.
     pub again: bool,
+    /// Keeps the path that the controller drives and the loaded arm takes within this distance of the programmed one, m:
+    /// `--max-path-error`.
+    pub max_path_error: Option<f64>,
     /// How CL data are posted; `None` posts them under the name of their file with the defaults of the command.
     pub post: Option<PostOptions>,
     /// Receives the progress of long programs and of the cut of a stock; other work is too short to report any.
@@ -101,7 +112,7 @@ impl Run {
     #[must_use]
     pub fn new(cell: Arc<CellFile>) -> Self {
         let setup = Setup { cell, forces: None, context: input::Context::default(), options: Options::default() };
-        Self { setup, again: false, post: None, follow: None, draws: false, keeps_numbers: false }
+        Self { setup, again: false, max_path_error: None, post: None, follow: None, draws: false, keeps_numbers: false }
     }
 
     /// The options of the library. Set its `forces` with [`Run::read_forces`] or [`Run::take_forces`], which check
@@ -177,11 +188,10 @@ impl Run {
     }
 
     /// The page of a run that kept its path.
-    fn page(&self, kind: PathKind, done: Done) -> String {
+    fn page(&self, kind: PathKind, path: Option<(FileSummary, PathTrace)>, tolerance_mm: Option<f64>) -> String {
         let cell = self.setup.cell.origin();
-        let programs = done.path.map(|path| (done.summary, path));
         let scene = Some(&self.setup.cell.cell);
-        PathPage { kind, cell: &cell, programs: programs.as_slice(), scene, tolerance_mm: None }.html()
+        PathPage { kind, cell: &cell, programs: path.as_slice(), scene, tolerance_mm }.html()
     }
 
     /// Parses a program and checks that the table of forces belongs to it.
@@ -222,6 +232,13 @@ pub struct Done {
     numbers: Option<Unrounded>,
 }
 
+impl Done {
+    /// What a page draws.
+    fn drawn(self) -> Option<(FileSummary, PathTrace)> {
+        self.path.map(|path| (self.summary, path))
+    }
+}
+
 /// The page that `deflex compensate --html` writes. The program is run anew, because the page also shows the stiffness
 /// along the path.
 ///
@@ -237,7 +254,7 @@ pub struct Done {
 /// ```
 pub fn compensate_page(program: &ProgramFiles, run: &Run) -> Result<String, Vec<Diagnostic>> {
     let run = run.drawing();
-    compensate(program, &run).map(|done| run.page(PathKind::Compensate, done))
+    compensate(program, &run).map(|done| run.page(PathKind::Compensate, done.drawn(), None))
 }
 
 /// The page that `deflex predict --html` writes. The program is run anew, as in [`compensate_page`].
@@ -258,7 +275,7 @@ pub fn predict_page(
     run: &Run,
 ) -> Result<String, Vec<Diagnostic>> {
     let run = run.drawing();
-    predict(program, against, &run).map(|done| run.page(PathKind::Predict, done))
+    predict(program, against, &run).map(|done| run.page(PathKind::Predict, done.drawn(), None))
 }
 
 /// The numbers of the report of [`compensate`] without rounding. The program is run anew.
@@ -321,7 +338,9 @@ pub fn predict_unrounded(
 pub fn compensate(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnostic>> {
     program.marked()?;
     // CL data in other languages than RAPID are posted as a whole.
-    let streams = run.post.as_ref().is_none_or(|post| post.language == Language::Rapid);
+    let posts = run.post.as_ref().is_none_or(|post| post.language == Language::Rapid);
+    // The driven path can be corrected only with the whole program in memory.
+    let streams = posts && run.max_path_error.is_none();
     let done = match Long::of(program, run).filter(|_| streams) {
         Some(long) => long.compensate()?,
         None => None,
@@ -357,12 +376,44 @@ pub fn predict(program: &ProgramFiles, against: Option<&ProgramFiles>, run: &Run
     with_notes(done, program, run)
 }
 
+/// The path that the controller drives and the loaded arm takes, as `deflex predict --path` samples it.
+///
+/// # Errors
+/// Every error for which the command ends with exit code 2.
+///
+/// # Examples
+/// ```
+/// use deflex::session::{Run, driven_path};
+/// # let (program, run): (_, Run) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/doc/run.rs"));
+/// let path = driven_path(&program, &run)?;
+/// assert!(path.samples.len() > 100 && path.notes.iter().all(|note| note.severity != deflex::text::Severity::Error));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
+pub fn driven_path(program: &ProgramFiles, run: &Run) -> Result<LoadedPath, Vec<Diagnostic>> {
+    run.setup.driven_path(&run.parse(program)?)
+}
+
+/// Reads a table or another file as the commands do; `-` is stdin.
+///
+/// # Errors
+/// The file cannot be read, or is too long.
+///
+/// # Examples
+/// ```
+/// let table = deflex::session::read_file("samples/closed-loop/measured.csv".as_ref())?;
+/// assert!(table.bytes.starts_with(b"target,"));
+/// # Ok::<(), deflex::text::Diagnostics>(())
+/// ```
+pub fn read_file(path: &Path) -> Result<Source, Vec<Diagnostic>> {
+    read::source(path)
+}
+
 /// Adds the notes of the run and the hashes of the program's files.
 fn with_notes(done: Result<Done, Vec<Diagnostic>>, program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagnostic>> {
     let mut done = done.map_err(|errors| run.setup.failed(run.setup.cell.own(errors)))?;
     done.notes.splice(0..0, run.setup.notes());
     done.notes = run.setup.cell.own(done.notes);
-    done.summary.sources = program.sources().iter().map(|source| Origin::of(&source.name, &source.bytes)).collect();
+    done.summary.sources = program.origins();
     Ok(done)
 }
 
@@ -376,13 +427,10 @@ fn compensate_whole(program: &ProgramFiles, run: &Run) -> Result<Done, Vec<Diagn
     let noticed = noticed(program, run);
     let parsed = run.parse(program)?;
     let cell = &run.setup.cell.cell;
-    let corrected = correct::compensate(&parsed, cell, &run.options_followed(program))?;
-    if !corrected.failures.is_empty() {
-        return Err(corrected.failures);
-    }
+    let Edited { shaped, corrected } = Edited::new(&parsed, cell, &run.options_followed(program), run.max_path_error)?;
     let names = program.names();
     let post = || run.post.clone().unwrap_or_else(|| Run::posted_from(&names[0]));
-    let Written { files, notes } = written(&parsed, &corrected, cell, names, post)?;
+    let Written { files, notes } = written(shaped.as_ref().unwrap_or(&parsed), &corrected, cell, names, post)?;
     whole(program.name(), &parsed, corrected, noticed, PathKind::Compensate, run).map(|done| {
         let notes = done.notes.into_iter().chain(notes).collect();
         Done { files, notes, ..done }

@@ -5,7 +5,7 @@ use super::input::{self, CellFile, Context};
 use super::job::{Job, Long};
 use super::read::cannot_write;
 use deflex::cell::examples_left;
-use deflex::correct::{CutProgress, Options, StreamError, Streamed, holds_whole};
+use deflex::correct::{CutProgress, LoadedPath, Options, StreamError, Streamed, holds_whole, loaded_path};
 use deflex::program::Program;
 use deflex::program::cl::ClOptions;
 use deflex::text::{Diagnostic, cannot_read};
@@ -65,6 +65,11 @@ impl Setup {
         let program = input::program(job, &self.context, &self.cell, self.options.tool.as_deref())?;
         self.forces.as_ref().map_or(Ok(()), |forces| forces.check(&program))?;
         Ok(program)
+    }
+
+    /// The path that the controller drives and the loaded arm takes.
+    pub(crate) fn driven_path(&self, program: &Program) -> Result<LoadedPath, Vec<Diagnostic>> {
+        loaded_path(program, &self.cell.cell, &self.options).map_err(|errors| self.cell.own(errors))
     }
 
     /// The errors of a run, after warnings about the forces, which are often the cause.

@@ -1,7 +1,7 @@
 //! The bytes of a corrected program.
 
 use deflex::cell::Cell;
-use deflex::correct::{self, Corrected, PostOptions, RAPID_MM_S};
+use deflex::correct::{Corrected, Options, PostOptions, RAPID_MM_S, compensate, compensate_driven, post};
 use deflex::program::{Language, Program};
 use deflex::text::Diagnostic;
 use std::path::{Path, PathBuf};
@@ -12,16 +12,45 @@ pub(crate) struct Written {
     pub(crate) notes: Vec<Diagnostic>,
 }
 
+/// The correction of a program.
+pub(crate) struct Edited {
+    /// The program that is edited, if it is not the given one.
+    pub(crate) shaped: Option<Program>,
+    pub(crate) corrected: Corrected,
+}
+
+impl Edited {
+    /// Corrects a program. `max_path_error` is the largest distance of the driven path from the programmed one, m.
+    ///
+    /// # Errors
+    /// A target has no correction, or the path cannot be kept within the distance.
+    pub(crate) fn new(
+        program: &Program,
+        cell: &Cell,
+        options: &Options,
+        max_path_error: Option<f64>,
+    ) -> Result<Self, Vec<Diagnostic>> {
+        let edited = match max_path_error {
+            Some(most) => {
+                let driven = compensate_driven(program, cell, options, most)?;
+                Self { shaped: Some(driven.program), corrected: driven.corrected }
+            }
+            None => Self { shaped: None, corrected: compensate(program, cell, options)? },
+        };
+        if edited.corrected.failures.is_empty() { Ok(edited) } else { Err(edited.corrected.failures) }
+    }
+}
+
 /// Edits or posts a corrected program.
 pub(crate) fn written(
     program: &Program,
     corrected: &Corrected,
     cell: &Cell,
     files: &[PathBuf],
-    post: impl FnOnce() -> PostOptions,
+    post_options: impl FnOnce() -> PostOptions,
 ) -> Result<Written, Vec<Diagnostic>> {
     if !program.language.is_edited() {
-        let posted = correct::post(program, cell, corrected, &post())?;
+        let posted = post(program, cell, corrected, &post_options())?;
         let files = posted.files.into_iter().map(|(name, bytes)| (name.into(), bytes)).collect();
         return Ok(Written { files, notes: posted.notes });
     }

@@ -43,20 +43,14 @@ pub struct NewEffect {
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnostic>> {
-    let mut document: DocumentMut = text
-        .parse()
-        .map_err(|error: toml_edit::TomlError| vec![Diagnostic::error("cell.toml", "", error.message().to_owned())])?;
+    let mut document = parsed(text)?;
     let list = document.entry("effect").or_insert(Item::ArrayOfTables(ArrayOfTables::new()));
     if list.as_array_of_tables().is_none() {
         *list = Item::ArrayOfTables(ArrayOfTables::new());
     }
     let Some(list) = list.as_array_of_tables_mut() else { return Ok(document.to_string()) };
     for effect in effects {
-        let mut table = edited(&effect.table);
-        if let Some(known) = &effect.uncertainty {
-            table.insert("uncertainty", Item::Table(edited(&uncertainty::table(known))));
-        }
-        table.insert("provenance", Item::Table(edited(&effect.provenance)));
+        let mut table = new_table(effect);
         let kind = effect.table.get("kind").and_then(toml::Value::as_str);
         let same = list.iter().position(|known| known.get("kind").and_then(Item::as_str) == kind);
         match same.and_then(|index| list.get_mut(index)) {
@@ -68,6 +62,83 @@ pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnos
         }
     }
     Ok(document.to_string())
+}
+
+/// The text of a cell file that has exactly these effects, in this order. The table of an effect that the file has with the same
+/// parameters stays as it is, with its comments, uncertainty and provenance.
+///
+/// # Errors
+/// The text is not TOML.
+///
+/// # Examples
+/// ```
+/// use deflex_cell::with_effects;
+///
+/// let text = "[[effect]]\nkind = \"backlash\"\nhalf_gap_rad = [6e-5, 0, 0, 0, 0, 0]\n";
+/// assert!(!with_effects(text, &[])?.contains("backlash"));
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+pub fn with_effects(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnostic>> {
+    let mut document = parsed(text)?;
+    let known = document.remove("effect").and_then(|item| item.into_array_of_tables().ok()).unwrap_or_default();
+    let mut known: Vec<Table> = known.into_iter().collect();
+    let mut list = ArrayOfTables::new();
+    for effect in effects {
+        let same = known.iter().position(|table| parameters(table).as_ref() == Some(&effect.table));
+        list.push(same.map_or_else(|| new_table(effect), |at| known.remove(at)));
+    }
+    document.insert("effect", Item::ArrayOfTables(list));
+    Ok(document.to_string())
+}
+
+/// The parameters in an `[[effect]]` table, as deflex writes them.
+fn parameters(table: &Table) -> Option<toml::Table> {
+    let mut table: toml::Table = table.to_string().parse().ok()?;
+    table.remove("uncertainty");
+    table.remove("provenance");
+    let kind = deflex_effects::kind(table.remove("kind")?.as_str()?)?;
+    Some((kind.read)(table).ok()?.to_table())
+}
+
+/// The text of a cell file with another stiffness of the joints, N·m/rad.
+///
+/// # Errors
+/// The text is not TOML.
+///
+/// # Examples
+/// ```
+/// let text = deflex_cell::with_stiffness("[robot]\nmodel = \"irb6660-205-1.9\"   # the mill\n", [1e6; 6])?;
+/// assert!(text.contains("# the mill") && text.contains("joint_nm_per_rad = [1e6, "));
+/// # Ok::<(), deflex_text::Diagnostics>(())
+/// ```
+pub fn with_stiffness(text: &str, joint_nm_per_rad: [f64; 6]) -> Result<String, Vec<Diagnostic>> {
+    let mut document = parsed(text)?;
+    let robot = document.entry("robot").or_insert(Item::Table(Table::new()));
+    if let Some(robot) = robot.as_table_like_mut() {
+        let stiffness = robot.entry("stiffness").or_insert(Item::Table(Table::new()));
+        if let Some(stiffness) = stiffness.as_table_like_mut() {
+            let numbers = joint_nm_per_rad.iter().map(|value| float(*value)).collect();
+            stiffness.insert("joint_nm_per_rad", Item::Value(Value::Array(numbers)));
+        }
+    }
+    Ok(document.to_string())
+}
+
+fn parsed(text: &str) -> Result<DocumentMut, Vec<Diagnostic>> {
+    let error = |error: toml_edit::TomlError| vec![Diagnostic::error("cell.toml", "", error.message().to_owned())];
+    text.parse().map_err(error)
+}
+
+/// The `[[effect]]` table of an effect.
+fn new_table(effect: &NewEffect) -> Table {
+    let mut table = edited(&effect.table);
+    if let Some(known) = &effect.uncertainty {
+        table.insert("uncertainty", Item::Table(edited(&uncertainty::table(known))));
+    }
+    if !effect.provenance.is_empty() {
+        table.insert("provenance", Item::Table(edited(&effect.provenance)));
+    }
+    table
 }
 
 /// The text of a cell file in which `[controller.path]` states a law. Comments and all other text are kept, and so is the law of the cell
@@ -89,9 +160,7 @@ pub fn extended(text: &str, effects: &[NewEffect]) -> Result<String, Vec<Diagnos
 /// ```
 pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagnostic>> {
     let law = &found.law;
-    let mut document: DocumentMut = text
-        .parse()
-        .map_err(|error: toml_edit::TomlError| vec![Diagnostic::error("cell.toml", "", error.message().to_owned())])?;
+    let mut document = parsed(text)?;
     let controller = document.entry("controller").or_insert(Item::Table(Table::new()));
     if let Some(table) = controller.as_table_mut() {
         // A table that only contains other tables needs no header of its own.

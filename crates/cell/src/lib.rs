@@ -22,7 +22,7 @@ pub use backup::backup_template;
 pub(crate) use cut::MillingParts;
 pub use cut::{Cut, CutForce, EngagementSource, MillingCut, MissingCutKey};
 pub use deflex_text::nearest;
-pub use extend::{NewEffect, extended, with_path_law};
+pub use extend::{NewEffect, extended, with_effects, with_path_law, with_stiffness};
 pub use plan::{Instrument, PlanSection};
 pub use stock::{HeldPart, PartSection, StockSection};
 pub use template::{described_template, examples_left, template};

@@ -1,6 +1,7 @@
 //! Arguments of the commands on programs.
 
 use super::groups::{Common, Corrected, Model, Reading, Reports, language, positive};
+use crate::session::Tolerances;
 use clap::builder::PossibleValue;
 use clap::{Args, ValueEnum, ValueHint};
 use deflex::correct::RAPID_MM_S;
@@ -202,6 +203,13 @@ pub(in crate::cli) struct Check {
     /// What a correction would change, for --max-correction
     #[arg(long, value_enum, default_value_t, value_name = "WHAT")]
     pub(in crate::cli) correct: Corrected,
+}
+
+impl Check {
+    pub(in crate::cli) fn tolerances(&self) -> Tolerances {
+        let &Self { max_error, max_path_error, max_jump, max_correction, at_targets, allow_unjudged, .. } = self;
+        Tolerances { max_error, max_path_error, max_jump, max_correction, at_targets, allow_unjudged }
+    }
 }
 
 #[derive(Debug, Args)]
