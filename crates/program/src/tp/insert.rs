@@ -3,9 +3,10 @@
 
 use super::Layout;
 use super::position::{self, Body, Pose, Position};
-use super::renumber::{Shifts, counted, line_end, line_start, renumber};
+use super::renumber::{Shifts, counted, renumber};
 use super::written::{DECIMALS, nearest};
 use crate::EXTERNAL_AXES;
+use crate::line::{line_end, line_start};
 use crate::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use crate::token::{New, single};
 use crate::{Conf, Editable, Insert, Motion, Program, Reason, RewriteOptions, Rewritten, Role, Target};
