@@ -151,7 +151,7 @@ class Correction(_Run):
 class Identification:
     """The effects that a cell lacks.
 
-    Everything that `deflex identify --json` says stands in `json`; what is asked for most, beside it.
+    Everything that `deflex identify --json` says stands in `json`; the most used parts are attributes.
     """
 
     def __init__(self, found: Found, name: str) -> None:

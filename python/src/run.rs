@@ -104,7 +104,7 @@ impl Done {
         diagnostics(self.notes.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
 
-    /// Writes files under these paths as one set, as the command does; `inputs` are files that none may replace, besides those that
+    /// Writes files under these paths as one set, as the command does; `inputs` are files that none may replace, other than those that
     /// were read.
     fn write(&self, py: Python<'_>, files: Vec<(PathBuf, PyBackedBytes)>, inputs: Vec<PathBuf>) -> PyResult<()> {
         let sources: Vec<PathBuf> = self.program.sources().iter().map(|source| PathBuf::from(&source.name)).collect();
@@ -186,7 +186,7 @@ fn done(
             None => session::compensate(&files, &run)?,
         };
         let notes = Mutex::new(std::mem::take(&mut done.notes));
-        // The page is another run, which nobody follows.
+        // The page is another run, whose progress is not shown.
         run.follow = None;
         Ok(Done { done, program: files, against, run, notes })
     })

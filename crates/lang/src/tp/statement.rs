@@ -170,7 +170,7 @@ fn of(text: &[u8], nested: bool) -> StatementKind<'_> {
         b"FOR" => counted(trimmed),
         b"ENDFOR" => StatementKind::EndFor,
         b"CALL" | b"AUFRUF" => called(trimmed),
-        b"RUN" | b"MONITOR" | b"ERROR_PROG" | b"RESUME_PROG" | b"WHEN" => beside(trimmed),
+        b"RUN" | b"MONITOR" | b"ERROR_PROG" | b"RESUME_PROG" | b"WHEN" => concurrent(trimmed),
         b"END" | b"ABORT" if trimmed.is_empty() => StatementKind::End,
         b"R" => assigned(rest, StatementKind::Register),
         b"PR" => position_register(rest),
@@ -271,7 +271,7 @@ fn redefined(frame: Frame, rest: &[u8]) -> StatementKind<'_> {
         Ok((value, (within, _))) => match of_first_group(within) {
             Some(within) => {
                 let register = (keyword("PR"), brackets).parse(value.trim_ascii()) as Parsed<'_, _>;
-                let register = register.ok().filter(|(behind, _)| behind.is_empty());
+                let register = register.ok().filter(|(after, _)| after.is_empty());
                 let register = register.and_then(|(_, (_, within))| of_first_group(within));
                 StatementKind::Redefine(frame, index(within), register.map_or(&b""[..], index))
             }
@@ -315,7 +315,7 @@ fn position_register(rest: &[u8]) -> StatementKind<'_> {
             let itself = [sides.next(), sides.next(), sides.next()];
             let is_itself = |side: &[u8]| {
                 let register = (keyword("PR"), brackets).parse(side) as Parsed<'_, _>;
-                register.is_ok_and(|(behind, (_, own))| behind.is_empty() && index(own) == indices)
+                register.is_ok_and(|(after, (_, own))| after.is_empty() && index(own) == indices)
             };
             match itself {
                 [Some(one), Some(other), None] if is_itself(one) && is_itself(other) => Whole::Zero,
@@ -361,24 +361,24 @@ fn counted(rest: &[u8]) -> StatementKind<'_> {
 
 /// `SUB(1,2)`
 fn called(rest: &[u8]) -> StatementKind<'_> {
-    let (name, behind) = motion::program(rest);
+    let (name, after) = motion::program(rest);
     let ends = |text: &[u8]| text.trim_ascii().is_empty() || text.trim_ascii_end().ends_with(b")");
-    match brackets(behind) {
+    match brackets(after) {
         // The text after the arguments is another statement, which is not read.
-        Ok((behind, _)) if !behind.trim_ascii_start().starts_with(b"(") && !ends(behind) => StatementKind::Unknown,
-        Err(_) if !behind.trim_ascii_start().starts_with(b"(") && !ends(behind) => StatementKind::Unknown,
+        Ok((after, _)) if !after.trim_ascii_start().starts_with(b"(") && !ends(after) => StatementKind::Unknown,
+        Err(_) if !after.trim_ascii_start().starts_with(b"(") && !ends(after) => StatementKind::Unknown,
         _ => StatementKind::Call(name),
     }
 }
 
 /// ` SUB`, `=SUB`, `[1]=SUB`, ` DI[1]=ON,CALL SUB`: the program.
-fn beside(rest: &[u8]) -> StatementKind<'_> {
+fn concurrent(rest: &[u8]) -> StatementKind<'_> {
     let upper = rest.to_ascii_uppercase();
-    let behind = match memchr::memmem::rfind(&upper, b"CALL ") {
+    let after = match memchr::memmem::rfind(&upper, b"CALL ") {
         Some(call) => &rest[call + 5..],
         None => rest.rsplit(|b| *b == b'=').next().unwrap_or(rest),
     };
-    StatementKind::Concurrent(motion::program(behind.trim_ascii_start()).0)
+    StatementKind::Concurrent(motion::program(after.trim_ascii_start()).0)
 }
 
 /// The statement after a condition or a case.
