@@ -36,6 +36,8 @@ pub enum StatementKind<'a> {
     Element(&'a [u8], &'a [u8], &'a [u8]),
     /// `PR[…]=…`: the index, and what it becomes.
     PositionRegister(&'a [u8], Whole),
+    /// `OVERRIDE=…%`: per cent of every speed; empty if another statement sets it.
+    Override(&'a [u8]),
     /// `R[…]=…`: index and value.
     Register(&'a [u8], &'a [u8]),
     /// `LBL[…]`
@@ -117,9 +119,9 @@ pub enum Whole {
 }
 
 /// First words of statements without an effect on motions, in upper case.
-const PLAIN: [&str; 21] = [
-    "MESSAGE", "PAUSE", "OVERRIDE", "JOINT_MAX_SPEED", "LINEAR_MAX_SPEED", "PAYLOAD", "TRAGLST", "UALM", "RSR", "COL",
-    "SKIP", "OFFSET", "TOOL_OFFSET", "VOFFSET", "LOCK", "UNLOCK", "ACC", "ARC", "SPOT", "PALLETIZING", "FB",
+const PLAIN: [&str; 20] = [
+    "MESSAGE", "PAUSE", "JOINT_MAX_SPEED", "LINEAR_MAX_SPEED", "PAYLOAD", "TRAGLST", "UALM", "RSR", "COL", "SKIP",
+    "OFFSET", "TOOL_OFFSET", "VOFFSET", "LOCK", "UNLOCK", "ACC", "ARC", "SPOT", "PALLETIZING", "FB",
 ];
 
 /// Data whose assignment has no effect on motions; an index follows the name.
@@ -160,6 +162,10 @@ fn of(text: &[u8], nested: bool) -> StatementKind<'_> {
     let upper = name.to_ascii_uppercase();
     let trimmed = rest.trim_ascii();
     match &upper[..] {
+        b"OVERRIDE" => {
+            let percent = trimmed.strip_prefix(b"=").unwrap_or_default().trim_ascii();
+            StatementKind::Override(percent.strip_suffix(b"%").unwrap_or(percent))
+        }
         b"LBL" => labelled(rest, StatementKind::Label),
         b"JMP" => jump(trimmed),
         b"IF" | b"WENN" if nested => conditional(trimmed),
@@ -197,6 +203,7 @@ fn system_variable(upper: &[u8]) -> StatementKind<'static> {
     let has = |wanted: &[u8]| contains(upper, wanted);
     match () {
         () if has(b"FRM_CHKTYP") => StatementKind::Displace(Reason::FrameCheckUnknown),
+        () if has(b"GENOVERRIDE") => StatementKind::Override(b""),
         () if has(b"FRAMENUM") || has(b"TOOLNUM") => StatementKind::Macro,
         () if has(b"FRAME") || has(b"TOOL") => StatementKind::RedefineAny,
         () => StatementKind::Plain,
@@ -573,7 +580,8 @@ mod tests {
         assert_eq!(is("$MNUFRAMENUM[1]=2"), StatementKind::Macro);
         assert_eq!(is("$GROUP[1].$UFRAME=PR[1]"), StatementKind::RedefineAny);
         assert_eq!(is("$FRM_CHKTYP=(-2)"), StatementKind::Displace(Reason::FrameCheckUnknown));
-        assert_eq!(is("$MCR.$GENOVERRIDE=50"), StatementKind::Plain);
+        assert_eq!(is("$MCR.$GENOVERRIDE=50"), StatementKind::Override(b""));
+        assert_eq!(is("OVERRIDE=R[3:ov]%"), StatementKind::Override(b"R[3:ov]"));
         assert_eq!(is("SOFTFLOAT[1]"), StatementKind::Displace(Reason::Softfloat));
         assert!(matches!(is("Independent GP GP1 L P[1] 5mm/sec FINE GP2 J P[1] 5% FINE"), StatementKind::Motion(_)));
     }
