@@ -11,7 +11,7 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How long Ctrl-C may wait: less than anybody notices.
+/// How long Ctrl-C may wait: less than a person notices.
 const TICK: Duration = Duration::from_millis(50);
 
 /// As much stack as a main thread has: equilibria of many targets at once stand on it.

@@ -5,6 +5,7 @@ use super::read::{self, all, source, sources};
 use super::text::Text;
 use deflex::cell::Cell;
 use deflex::program::cl::{ClOptions, Units};
+use deflex::program::jbi::take_speeds_in;
 use deflex::program::{Language, Program, ReadOptions, detect, read};
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source};
@@ -25,7 +26,9 @@ pub(crate) fn program(
 ) -> Result<Program, Vec<Diagnostic>> {
     let context = reading.knowing(&cell.cell, job.language).into_owned();
     if job.language.is_edited() {
-        return parse(job, context, &ReadOptions { cl: &ClOptions::default(), look: false });
+        let mut program = parse(job, context, &ReadOptions { cl: &ClOptions::default(), look: false })?;
+        take_speeds_in(&mut program, cell.cell.controller.speed_unit);
+        return Ok(program);
     }
     let Some(options) = cell.cl_options(tool) else {
         let message =

@@ -59,8 +59,8 @@ fn brute(c: &Cutter, e: &Engagement, shift: &Vector3<f64>, axis: &Vector3<f64>) 
     let top = (-tip.z + radius * axis.x.hypot(axis.y)) / axis.z;
     // The neighbouring pass has the same cutter and the same deflection: at each height it leaves a stepover of what this one reaches.
     let sign = if e.mode == Mode::Down { -1.0 } else { 1.0 };
-    let beside = nominal.cross(&Vector3::x()).normalize();
-    let along = beside.cross(&nominal);
+    let across = nominal.cross(&Vector3::x()).normalize();
+    let along = across.cross(&nominal);
     let reach = (e.mode != Mode::Slot).then(|| Reach::new(c, &nominal, sign));
     const STEPS: usize = 700;
     let corner_end = if top < r { (1.0 - top / r).acos() } else { FRAC_PI_2 };
@@ -77,8 +77,8 @@ fn brute(c: &Cutter, e: &Engagement, shift: &Vector3<f64>, axis: &Vector3<f64>) 
             if normal.x <= 0.0 || p.z + tip.z >= 0.0 {
                 continue;
             }
-            let on_beside = (along * sp + beside * cp) * rho + nominal * height;
-            if reach.as_ref().is_some_and(|reach| sign * on_beside.y < reach.at(on_beside.z) - e.width) {
+            let on_across = (along * sp + across * cp) * rho + nominal * height;
+            if reach.as_ref().is_some_and(|reach| sign * on_across.y < reach.at(on_across.z) - e.width) {
                 continue;
             }
             let h = e.feed_per_tooth * normal.x;

@@ -84,7 +84,7 @@ fn what_is_posted_stands_where_the_cell_says() {
 }
 
 #[test]
-fn a_unit_that_nobody_places_is_refused() {
+fn a_unit_without_a_place_is_refused() {
     for more in [format!("{FIXED}{TRACK}"), format!("{ON_TABLE}{TABLE}")] {
         let cell = cell([0.0; 3], "", &more);
         let errors = compensate(&program(&cell), &cell, &posted()).unwrap_err();

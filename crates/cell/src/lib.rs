@@ -35,6 +35,7 @@ use deflex_effects::ToolFrame;
 use deflex_equilibrium::Arm;
 use deflex_measured::ColumnNames;
 use deflex_program::cl::ClOptions;
+use deflex_program::jbi::SpeedUnit;
 use deflex_program::post::Templates;
 use deflex_program::{ArcTurn, Language};
 use deflex_robot::{Joints, Pose, Units};
@@ -160,6 +161,8 @@ pub struct Controller {
     pub path: Option<ControllerPath>,
     /// How the controller turns the tool on arcs for which the program does not state it. `None`: as the maker's manual says.
     pub arc_turn: Option<ArcTurn>,
+    /// The unit of the speeds in INFORM.
+    pub speed_unit: SpeedUnit,
     /// Whether the controller compensates `gravity`.
     pub gravity: bool,
     /// Whether the controller compensates `geometry`.

@@ -95,6 +95,7 @@ pub(super) struct Controller {
     #[serde(default)]
     pub(super) harmless: Vec<String>,
     pub(super) arc_turn: Option<String>,
+    pub(super) speed_unit: Option<String>,
     pub(super) path: Option<ControllerPath>,
 }
 

@@ -9,6 +9,7 @@ use deflex_drive::PathLaw;
 use deflex_effects::{Covered, Effect, MOST_CLAMPS, Need, ToolFrame};
 use deflex_equilibrium::Arm;
 use deflex_measured::ColumnNames;
+use deflex_program::jbi::SpeedUnit;
 use deflex_program::{ArcTurn, Language};
 use deflex_robot::{Axes, Builtin, DhRow, Joints, Limits, Pose, Robot, Units};
 use deflex_text::limits::{FRAMES, UNITS};
@@ -386,7 +387,11 @@ fn controller(check: &mut Check, raw: Option<&raw::Controller>) -> Controller {
     let path = raw.and_then(|controller| controller.path.as_ref()).map(|keys| controller_path(check, keys));
     let word = raw.and_then(|controller| controller.arc_turn.as_deref());
     let arc_turn = word.and_then(|word| check.word("controller.arc_turn", word, &ArcTurn::WORDS));
-    let mut controller = Controller { declared: compensates.is_some(), path, arc_turn, ..Controller::default() };
+    let word = raw.and_then(|controller| controller.speed_unit.as_deref());
+    let speed_unit = word.and_then(|word| check.word("controller.speed_unit", word, &SpeedUnit::WORDS));
+    let speed_unit = speed_unit.unwrap_or_default();
+    let declared = compensates.is_some();
+    let mut controller = Controller { declared, path, arc_turn, speed_unit, ..Controller::default() };
     for word in compensates.into_iter().flatten() {
         match check.word("controller.compensates", word, &Covered::WORDS) {
             Some(Covered::Gravity) => controller.gravity = true,

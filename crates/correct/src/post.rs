@@ -339,6 +339,7 @@ impl Poster {
             points: outline.points,
             max_points: options.max_targets.or(statements.most_points),
             rapid_mm_s: options.rapid_mm_s,
+            speed_unit: cell.controller.speed_unit,
             corner_tolerance_mm: CORNER_TOLERANCE_MM,
         };
         refuse_names(&plan, options.language)?;

@@ -19,6 +19,7 @@ mod kept;
 pub mod krl;
 mod language;
 mod lexeme;
+mod line;
 mod long;
 mod lowered;
 mod marks;

@@ -146,7 +146,7 @@ fn targets_out_of_reach_are_findings_and_leave_no_rows() {
 }
 
 #[test]
-fn more_findings_than_anybody_reads_are_counted() {
+fn findings_beyond_the_listed_ones_are_counted() {
     let bench = Bench::new();
     let program = long(4000);
     bench.write("long.mod", &program).write("whole.mod", rapid_whole(&program));

@@ -512,7 +512,7 @@ fn another_cutter_without_a_tool_change_is_refused() {
 }
 
 #[test]
-fn what_the_machine_does_besides_is_carried() {
+fn other_actions_of_the_machine_are_carried() {
     let text = "UNITS/MM\nLOADTL/1\nSPINDL/9000,RPM,CLW\nCOOLNT/FLOOD\nGOTO/0,0,1\nSTOP\nOPSTOP\nDELAY/2.5\nGOTO/1,0,1\n\
                 COOLNT/OFF\nSPINDL/OFF\nGOHOME\nFINI\n";
     let program = reads(text);

@@ -352,7 +352,7 @@ const HARD: &[Hard] = &[
         ..PLAIN
     },
     Hard {
-        what: "a monitor runs beside from where it is started",
+        what: "a monitor runs in parallel from where it is started",
         statements: "R[1]=1\nL P[R[1]] 10mm/sec FINE\nMONITOR WATCH\nL P[2] 10mm/sec FINE\nMONITOR END WATCH",
         edited: &[1, 2],
         ..PLAIN

@@ -199,7 +199,7 @@ fn without(text: &str, most: usize) -> String {
 }
 
 /// A place near a target, mm.
-fn beside(program: &Program, target: usize, k: usize) -> [f64; 3] {
+fn nearby(program: &Program, target: usize, k: usize) -> [f64; 3] {
     let Goal::Pose { position_mm: [x, y, z], .. } = program.targets[target].goal else { panic!() };
     [x, y, z + 0.125 * k as f64]
 }
@@ -207,7 +207,7 @@ fn beside(program: &Program, target: usize, k: usize) -> [f64; 3] {
 proptest! {
     /// Taking the inserted statements and positions out by their numbers gives the text of before.
     #[test]
-    fn nothing_but_numbers_changes_beside(
+    fn inserted_points_change_nothing_but_numbers(
         kinds in prop::collection::vec(0..6_usize, 1..40),
         picks in prop::collection::vec((0..60_usize, 1..4_usize), 0..12),
     ) {
@@ -236,7 +236,7 @@ proptest! {
         at.sort_unstable();
         at.dedup_by_key(|(i, _)| *i);
         let inserts: Vec<Insert> =
-            at.iter().flat_map(|(i, n)| (1..=*n).map(|k| line(*i, beside(&before, *i, k)))).collect();
+            at.iter().flat_map(|(i, n)| (1..=*n).map(|k| line(*i, nearby(&before, *i, k)))).collect();
         let (out, why) = inserted(&before, &inserts);
         prop_assert_eq!(without(&out, count), without(&text, count));
         let new = inserts.iter().filter(|insert| !why.iter().any(|(i, _)| *i == insert.before)).count();

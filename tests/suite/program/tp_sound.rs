@@ -35,7 +35,7 @@ enum Op {
     Element(u32, u32, i32),
     Call,
     /// Runs a program in parallel to this one.
-    Beside,
+    Start,
     Label(u32),
     Jump(u32),
     /// To the label whose number a register holds.
@@ -109,7 +109,7 @@ fn flatten(ops: &[Op], lines: &mut Vec<(String, Does)>) {
             }
             Op::Element(pr, element, value) => plain(format!("PR[{pr},{element}:e]=({value})")),
             Op::Call => plain("CALL OTHER(1,2)".into()),
-            Op::Beside => plain("RUN WATCH".into()),
+            Op::Start => plain("RUN WATCH".into()),
             Op::Label(l) => plain(format!("LBL[{l}:here]")),
             Op::Jump(l) => plain(format!("JMP LBL[{l}]")),
             Op::JumpTo(r) => plain(format!("JMP LBL[R[{r}:l]]")),
@@ -197,7 +197,7 @@ struct Machine<'a> {
     tool: u32,
     redefined: BTreeMap<u32, [i32; 6]>,
     position_registers: [[i32; 6]; 3],
-    beside: bool,
+    concurrent: bool,
     last: [Option<i32>; 64],
     seen: Vec<Seen>,
 }
@@ -230,7 +230,7 @@ impl Machine<'_> {
         let (mut at, mut steps, mut before) = (0, 0, None);
         while at < self.lines.len() && steps < 400 {
             steps += 1;
-            if self.beside && self.random(3) == 0 {
+            if self.concurrent && self.random(3) == 0 {
                 self.others();
             }
             let mut next = Some(at + 1);
@@ -267,7 +267,7 @@ impl Machine<'_> {
                         self.position_registers[pr as usize][element as usize - 1] = value;
                     }
                     Op::Call => self.others(),
-                    Op::Beside => self.beside = true,
+                    Op::Start => self.concurrent = true,
                     Op::Jump(l) => next = self.label(l),
                     Op::JumpTo(r) => {
                         let number = u32::try_from(self.registers[r as usize]);
@@ -370,7 +370,7 @@ fn judge(lines: &[(String, Does)], seed: u64) -> Result<usize, TestCaseError> {
             tool: 1,
             redefined: BTreeMap::new(),
             position_registers: [[0; 6]; 3],
-            beside: false,
+            concurrent: false,
             last: [None; 64],
             seen: Vec::new(),
         };
@@ -383,7 +383,7 @@ fn judge(lines: &[(String, Does)], seed: u64) -> Result<usize, TestCaseError> {
         }
         machine.run();
         // The next cycle begins with the frames that this one leaves.
-        machine.beside = false;
+        machine.concurrent = false;
         machine.run();
         for seen in &machine.seen {
             if edited.contains(&seen.position) {
@@ -439,7 +439,7 @@ fn op() -> impl Strategy<Value = Op> {
         2 => (1..3_u32, 1..3, any::<bool>()).prop_map(|(pr, x, turned)| Op::Fill(pr, x, turned)),
         1 => (1..3_u32, 1..4_u32, 0..4).prop_map(|(pr, element, value)| Op::Element(pr, element, value)),
         1 => Just(Op::Call),
-        1 => Just(Op::Beside),
+        1 => Just(Op::Start),
         2 => l.clone().prop_map(Op::Label),
         1 => l.clone().prop_map(Op::Jump),
         1 => r.clone().prop_map(Op::JumpTo),

@@ -184,7 +184,7 @@ fn same(expected: &str, path: &[Go]) -> Result<(), String> {
         }
         before = Some(at);
     }
-    rest.next().map_or(Ok(()), |more| Err(format!("{:?} besides", more.at)))
+    rest.next().map_or(Ok(()), |more| Err(format!("{:?} is left over", more.at)))
 }
 
 /// Follows chords along an arc to its end.

@@ -208,7 +208,7 @@ pub const CUTS: &[Cut] = &[
     cut("comment after a continuation", "GOTO/10,$ the first\n20,30", Path("10,20,30")),
     cut("CLRSRF", "CLRSRF/0,0,1,50\nGOTO/10,20,30", Path("10,20,30")),
     cut("tolerances", "INTOL/0.01\nOUTTOL/0.01\nLINTOL/ON\nGOTO/10,20,30", Path("10,20,30")),
-    cut("a word that nobody knows, with numbers", "GOTO/10,20,30\nFOOBAR/1,2,3\nGOTO/20,20,30", Refused),
+    cut("an unknown word with numbers", "GOTO/10,20,30\nFOOBAR/1,2,3\nGOTO/20,20,30", Refused),
     cut("APT source", "P1=POINT/1,2,3\nGOTO/P1\nGOFWD/L1,PAST,L2", Refused),
     cut("FINI with junk after it", "GOTO/10,20,30\nFINI\nGOTO/99,99,99", Either("10,20,30")),
     cut(
@@ -252,12 +252,12 @@ pub const CUTS: &[Cut] = &[
         Either("20,20,30;30,30,30 arc=20,30,30,90"),
     ),
     cut(
-        "CIRCLE with an end beside it",
+        "CIRCLE with an end off it",
         "TOOL PATH/A,TOOL,B\nGOTO/20,20,30,0,0,1\nCIRCLE/20,30,30,0,0,-1,10,0.06,0.5,10,0\nGOTO/35,30,30",
         Refused,
     ),
     cut(
-        "CIRCLE with a start beside it",
+        "CIRCLE with a start off it",
         "TOOL PATH/A,TOOL,B\nGOTO/15,20,30,0,0,1\nCIRCLE/20,30,30,0,0,-1,10,0.06,0.5,10,0\nGOTO/30,30,30",
         Refused,
     ),

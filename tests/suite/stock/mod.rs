@@ -121,7 +121,7 @@ fn a_stepover_from_the_stock_is_the_declared_one() {
         (cutter(25.0, 5.0), 1.5, 8.0, 5.0, 10.0, 0.01),
         (cutter(10.0, 5.0), 0.5, 1.0, -8.0, 12.0, 0.01),
     ] {
-        for (mode, beside) in [(Mode::Down, width), (Mode::Up, -width)] {
+        for (mode, away) in [(Mode::Down, width), (Mode::Up, -width)] {
             let engagement = Engagement {
                 mode,
                 depth: depth * MM,
@@ -137,7 +137,7 @@ fn a_stepover_from_the_stock_is_the_declared_one() {
             let pose = |x: f64, y: f64| ToolPose { tip: Vector3::new(x * MM, y * MM, lowest - depth * MM), axis };
             let mut stock = Stock::new(block(60.0, 80.0, 20.0), 0.25 * MM);
             let front = Front::new(&cutter, &coefficients());
-            run(&mut stock, &front, &line(pose(-20.0, 40.0 + beside), pose(80.0, 40.0 + beside), 2.0));
+            run(&mut stock, &front, &line(pose(-20.0, 40.0 + away), pose(80.0, 40.0 + away), 2.0));
             let done = run(&mut stock, &front, &line(pose(-20.0, 40.0), pose(30.0, 40.0), 2.0));
             let last = &done.last().unwrap().0;
             let (found, wanted) = (force(last), milling.mean_force(&Vector3::zeros(), &axis));

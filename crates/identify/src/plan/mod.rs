@@ -292,7 +292,7 @@ pub fn plan(input: &PlanInput) -> Result<Plan, Vec<Diagnostic>> {
         return Err(vec![Diagnostic::error("cell.plan", "", message).help(help)]);
     }
     let arm = with(&cell.arm, &[]);
-    let bench = Bench { section, arm: &arm, frames, spots, start: cell.start };
+    let bench = Bench { section, arm: &arm, frames, spots, start: cell.start, speed_unit: cell.controller.speed_unit };
     let mut draws = Draws::of(3);
     let reference = start(&bench, REFERENCE, &mut draws)?;
     let sheet = start(&bench, input.rows, &mut draws)?;

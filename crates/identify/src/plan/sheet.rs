@@ -14,6 +14,7 @@ use deflex_cell::{Instrument, PlanSection};
 use deflex_correct::{Point, Prepared};
 use deflex_equilibrium::Arm;
 use deflex_measured::MeasuredRow;
+use deflex_program::jbi::SpeedUnit;
 use deflex_robot::Joints;
 use nalgebra::{DMatrix, Vector3};
 
@@ -47,6 +48,8 @@ pub(super) struct Bench<'a> {
     pub(super) spots: Vec<Spot>,
     /// Motor angles before the first row, rad, if the cell declares them.
     pub(super) start: Option<Joints>,
+    /// The unit of speeds in INFORM.
+    pub(super) speed_unit: SpeedUnit,
 }
 
 impl Bench<'_> {

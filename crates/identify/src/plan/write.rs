@@ -104,6 +104,7 @@ pub(super) fn program(bench: &Bench, sheet: &Sheet, how: &PlanProgram) -> Result
         points: posted.len(),
         max_points: None,
         rapid_mm_s: 1e3 * super::SPEEDS[0],
+        speed_unit: bench.speed_unit,
         corner_tolerance_mm: 0.0,
     };
     refuse_names(&plan, how.language)?;

@@ -18,6 +18,8 @@ pub(super) enum Effect {
     Elements(Option<u32>),
     /// Gives a position register axis angles, perhaps.
     Axes(Option<u32>),
+    /// Sets the speed override.
+    Override,
     /// Shifts paths at run time from here on.
     Displace(Reason),
     /// Runs something in parallel from here on.
@@ -30,8 +32,8 @@ pub(super) enum Effect {
 
 pub(super) type Effects = BTreeSet<Effect>;
 
-/// The effects of a program that is not given. It does not change the values of frames and tools, because those of the cell are what the
-/// controller has (`docs/soundness.md`).
+/// The effects of a program that is not given. It changes neither the speed override nor the values of frames and tools, because those of the
+/// cell are what the controller has (`docs/soundness.md`).
 pub(super) const NOT_GIVEN: [Effect; 5] = [
     Effect::Register(None),
     Effect::Elements(None),
@@ -93,6 +95,7 @@ pub(super) fn effects(kind: &StatementKind<'_>) -> Vec<Effect> {
             vec![Effect::Register(expression::count(register))]
         }
         StatementKind::Select(frame, _) => vec![Effect::Select(*frame)],
+        StatementKind::Override(_) => vec![Effect::Override],
         StatementKind::Redefine(frame, index, _) => vec![Effect::Redefine(*frame, expression::count(index))],
         StatementKind::Element(register, ..) => vec![Effect::Elements(expression::count(register))],
         StatementKind::PositionRegister(register, from) => {

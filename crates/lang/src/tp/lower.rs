@@ -5,7 +5,7 @@ use super::effects::{self, Calls, Effect};
 use super::expression::{self, condition, expression};
 use super::motion::{Motion, Point, Speed};
 use super::statement::{self, Frame, StatementKind as Written, Whole};
-use super::{ANY, CONCURRENT, ELEMENTS, FRAMES, POSITIONS, STANDS, Tp, builtin};
+use super::{ANY, CONCURRENT, ELEMENTS, FRAMES, OVERRIDE, POSITIONS, STANDS, Tp, builtin};
 use crate::Span;
 use crate::ir::{
     self, Argument, Binary, Callee, Expression, ExpressionKind as Is, Function, FunctionId, Program, Slot, SourceSpan,
@@ -256,6 +256,7 @@ impl<'a> Lowering<'a> {
         let mut begins = vec![
             (Switch::Frame.slot(), unknown(Reason::FrameSelected)),
             (Switch::Tool.slot(), unknown(Reason::ToolSelected)),
+            (Slot::Global(OVERRIDE), self.override_of(Expression::constant(100.0))),
         ];
         let slots = [CONCURRENT, ANY[0], ANY[1]].into_iter().chain(FRAMES..register);
         let is_set = |slot| {
@@ -343,6 +344,10 @@ impl<'a> Lowering<'a> {
                     self.does(builtin::ELEMENT, vec![expression(register, self.place), self.unknown(), self.unknown()]),
                 ]
             }
+            Written::Override(percent) => {
+                let percent = self.override_of(expression(percent, self.place));
+                vec![assign(Slot::Global(OVERRIDE), percent)]
+            }
             Written::Register(register, value) => {
                 let value = expression(value, self.place);
                 vec![self.set(register, value)]
@@ -371,6 +376,13 @@ impl<'a> Lowering<'a> {
         }
     }
 
+    /// The speed override after it was set; unknown if a program that runs in parallel may set it too.
+    fn override_of(&self, percent: Expression) -> Expression {
+        let effects = || self.code.kinds.iter().flat_map(|kind| self.calls.of_statement(kind));
+        let is_set = self.calls.given.values().any(|effects| effects.contains(&Effect::Override));
+        if is_set && effects().any(|effect| effect == Effect::Concurrent) { self.unknown() } else { percent }
+    }
+
     /// Whether a position register may have axis angles.
     fn may_have_axes(&self, register: &[u8]) -> bool {
         let own = expression::count(register);
@@ -388,10 +400,12 @@ impl<'a> Lowering<'a> {
             path: motion.path,
             via: motion.via.map(position),
             to: Some(position(motion.end)),
-            speed: match motion.speed {
-                Some(Speed::Register { text, .. }) => Some(expression(text, self.place)),
-                Some(Speed::Number(_)) | None => None,
-            },
+            speed: motion.speed.map(|speed| {
+                let percent = self.read(OVERRIDE);
+                let Speed::Register { text, .. } = speed else { return percent };
+                let two = Box::new([expression(text, self.place), percent]);
+                Expression { kind: Is::Binary(Binary::Multiply, two), place: self.place }
+            }),
             blend: None,
             others: counts.into_iter().collect(),
         };
@@ -487,7 +501,8 @@ impl<'a> Lowering<'a> {
             Written::Motion(motion) => motion.skip.is_none() && motion.calls.is_empty() && !motion.runs_others,
             Written::Register(register, _) | Written::For(register, ..) => is_other(register),
             Written::If(_) | Written::Else | Written::EndIf | Written::EndFor => true,
-            Written::Select(..) | Written::Redefine(..) | Written::Mark(_) | Written::Plain => true,
+            Written::Select(..) | Written::Redefine(..) | Written::Override(_) => true,
+            Written::Mark(_) | Written::Plain => true,
             Written::Element(..) | Written::PositionRegister(..) => true,
             _ => false,
         };
@@ -535,6 +550,7 @@ impl<'a> Lowering<'a> {
                     self.does(builtin::REDEFINE[frame as usize], vec![number(of), self.unknown()])
                 }
                 Effect::Elements(of) => self.does(builtin::ELEMENT, vec![number(of), self.unknown(), self.unknown()]),
+                Effect::Override => assign(Slot::Global(OVERRIDE), self.unknown()),
                 Effect::Displace(why) => assign(Switch::Shift.slot(), Expression::unknown(why, Vec::new(), self.place)),
                 Effect::Concurrent => self.does(builtin::CONCURRENT, Vec::new()),
                 Effect::Moves => self.does(builtin::ELSEWHERE, Vec::new()),

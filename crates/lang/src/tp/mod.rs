@@ -67,8 +67,10 @@ const STANDS: u32 = CONCURRENT + 1;
 const POSITIONS: u32 = STANDS + 1;
 /// Whether any user frame, any tool may have other values than in the cell.
 const ANY: [u32; 2] = [POSITIONS + 1, POSITIONS + 2];
+/// The speed override, per cent.
+const OVERRIDE: u32 = ANY[1] + 1;
 /// The first user frame.
-const FRAMES: u32 = ANY[1] + 1;
+const FRAMES: u32 = OVERRIDE + 1;
 
 /// The semantics of TP for one program.
 #[derive(Clone, Debug)]

@@ -253,18 +253,18 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
     let others: [&[u8]; 4] = [b"CALL", b"AUFRUF", b"SPOT", b"PRESS_MOTN"];
     motion.runs_others = motion.point_logic || others.iter().any(|wanted| has(wanted));
     for word in &others[..2] {
-        let behind = memchr::memmem::find_iter(&upper, word).map(|at| &text[at + word.len()..]);
-        motion.calls.extend(behind.map(|rest| program(rest.trim_ascii_start()).0));
+        let after = memchr::memmem::find_iter(&upper, word).map(|at| &text[at + word.len()..]);
+        motion.calls.extend(after.map(|rest| program(rest.trim_ascii_start()).0));
     }
     // A call that runs in parallel is no option of the motion. The words after it are options, as in `TB .10sec,P-SPS Offset,PR[1]`.
-    let (mut rest, mut beside) = (text, false);
+    let (mut rest, mut is_timed) = (text, false);
     loop {
         rest = rest.trim_ascii_start();
         if rest.is_empty() {
             return;
         }
-        if let Ok((behind, name)) = word(rest) {
-            let (behind, within) = brackets(behind).map_or((behind, None), |(behind, within)| (behind, Some(within)));
+        if let Ok((after, name)) = word(rest) {
+            let (after, within) = brackets(after).map_or((after, None), |(after, within)| (after, Some(within)));
             let letters = name.iter().rposition(|b| !b.is_ascii_digit()).map_or(0, |last| last + 1);
             let upper = name[..letters].to_ascii_uppercase();
             match WORDS.iter().find(|(known, _)| *known == upper).map(|(_, meaning)| meaning) {
@@ -274,28 +274,28 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
                 }
                 Some(Meaning::Skip) => {
                     motion.moved.get_or_insert(Reason::Skip);
-                    motion.skip = label(behind);
+                    motion.skip = label(after);
                     return;
                 }
                 Some(Meaning::Timed) => {
-                    beside = true;
+                    is_timed = true;
                     let called = matches!(&upper[..], b"CALL" | b"AUFRUF");
-                    rest = if called { program(behind.trim_ascii_start()).1 } else { behind };
+                    rest = if called { program(after.trim_ascii_start()).1 } else { after };
                     continue;
                 }
                 Some(Meaning::Coordinated) => motion.coordinated = true,
                 // A register counts for the word before it: `CNT R[3]`, `Offset,PR[1]`.
                 None if within.is_some() && matches!(&upper[..], b"R" | b"AR" | b"PR") => {}
-                None if beside => {}
+                None if is_timed => {}
                 None => {
                     motion.moved.get_or_insert(Reason::MotionOption);
                 }
             }
-            rest = behind;
+            rest = after;
             continue;
         }
         let mark = |b: &u8| matches!(b, b',' | b'=' | b'%' | b'.' | b'(' | b')') || b.is_ascii_digit();
-        if !beside && !mark(&rest[0]) {
+        if !is_timed && !mark(&rest[0]) {
             motion.moved.get_or_insert(Reason::MotionOption);
         }
         rest = &rest[1..];
@@ -348,36 +348,36 @@ pub fn lasting(text: &[u8]) -> Result<Lasting<'_>, Reason> {
         // The colon of a continuation line.
         rest = rest.trim_ascii_start();
         rest = rest.strip_prefix(b":").unwrap_or(rest).trim_ascii_start();
-        let (behind, _) = point(rest).map_err(|_| Reason::Motion)?;
-        points.push(place(rest)..place(behind));
-        rest = behind;
+        let (after, _) = point(rest).map_err(|_| Reason::Motion)?;
+        points.push(place(rest)..place(after));
+        rest = after;
     }
-    let (behind, _) = speed(rest).unwrap_or((rest, None));
-    let speed = rest[..rest.len() - behind.len()].trim_ascii();
+    let (after, _) = speed(rest).unwrap_or((rest, None));
+    let speed = rest[..rest.len() - after.len()].trim_ascii();
     // Millimetres, degrees, inches by a time have a stroke.
     let timed = speed.to_ascii_lowercase();
     if (timed.ends_with(b"sec") || timed.ends_with(b"sek")) && !timed.contains(&b'/') {
         return Err(Reason::Timed);
     }
     let mut lasting = Lasting { letter, letter_at: place(body), points, speed, options: Vec::new() };
-    let mut rest = behind;
+    let mut rest = after;
     loop {
         rest = rest.trim_ascii_start();
         if rest.is_empty() || rest == b";" {
             return Ok(lasting);
         }
-        let (behind, name) = word(rest).map_err(|_| Reason::OptionOnce)?;
+        let (after, name) = word(rest).map_err(|_| Reason::OptionOnce)?;
         let letters = name.iter().rposition(|b| !b.is_ascii_digit()).map_or(0, |last| last + 1);
         let upper = name[..letters].to_ascii_uppercase();
         // `ACC R[3]`
-        let register = (blanks, alt((tag_no_case("AR"), tag_no_case("R"))), brackets).parse(behind);
-        let behind = register.map_or(behind, |(behind, _)| behind);
+        let register = (blanks, alt((tag_no_case("AR"), tag_no_case("R"))), brackets).parse(after);
+        let after = register.map_or(after, |(after, _)| after);
         if LASTS.contains(&&upper[..]) {
-            lasting.options.push(&rest[..rest.len() - behind.len()]);
+            lasting.options.push(&rest[..rest.len() - after.len()]);
         } else if !ENDS.contains(&&upper[..]) {
             return Err(Reason::OptionOnce);
         }
-        rest = behind;
+        rest = after;
     }
 }
 

@@ -36,6 +36,8 @@ pub enum StatementKind<'a> {
     Element(&'a [u8], &'a [u8], &'a [u8]),
     /// `PR[…]=…`: the index, and what it becomes.
     PositionRegister(&'a [u8], Whole),
+    /// `OVERRIDE=…%`: per cent of every speed; empty if another statement sets it.
+    Override(&'a [u8]),
     /// `R[…]=…`: index and value.
     Register(&'a [u8], &'a [u8]),
     /// `LBL[…]`
@@ -117,9 +119,9 @@ pub enum Whole {
 }
 
 /// First words of statements without an effect on motions, in upper case.
-const PLAIN: [&str; 21] = [
-    "MESSAGE", "PAUSE", "OVERRIDE", "JOINT_MAX_SPEED", "LINEAR_MAX_SPEED", "PAYLOAD", "TRAGLST", "UALM", "RSR", "COL",
-    "SKIP", "OFFSET", "TOOL_OFFSET", "VOFFSET", "LOCK", "UNLOCK", "ACC", "ARC", "SPOT", "PALLETIZING", "FB",
+const PLAIN: [&str; 20] = [
+    "MESSAGE", "PAUSE", "JOINT_MAX_SPEED", "LINEAR_MAX_SPEED", "PAYLOAD", "TRAGLST", "UALM", "RSR", "COL", "SKIP",
+    "OFFSET", "TOOL_OFFSET", "VOFFSET", "LOCK", "UNLOCK", "ACC", "ARC", "SPOT", "PALLETIZING", "FB",
 ];
 
 /// Data whose assignment has no effect on motions; an index follows the name.
@@ -160,6 +162,10 @@ fn of(text: &[u8], nested: bool) -> StatementKind<'_> {
     let upper = name.to_ascii_uppercase();
     let trimmed = rest.trim_ascii();
     match &upper[..] {
+        b"OVERRIDE" => {
+            let percent = trimmed.strip_prefix(b"=").unwrap_or_default().trim_ascii();
+            StatementKind::Override(percent.strip_suffix(b"%").unwrap_or(percent))
+        }
         b"LBL" => labelled(rest, StatementKind::Label),
         b"JMP" => jump(trimmed),
         b"IF" | b"WENN" if nested => conditional(trimmed),
@@ -170,7 +176,7 @@ fn of(text: &[u8], nested: bool) -> StatementKind<'_> {
         b"FOR" => counted(trimmed),
         b"ENDFOR" => StatementKind::EndFor,
         b"CALL" | b"AUFRUF" => called(trimmed),
-        b"RUN" | b"MONITOR" | b"ERROR_PROG" | b"RESUME_PROG" | b"WHEN" => beside(trimmed),
+        b"RUN" | b"MONITOR" | b"ERROR_PROG" | b"RESUME_PROG" | b"WHEN" => concurrent(trimmed),
         b"END" | b"ABORT" if trimmed.is_empty() => StatementKind::End,
         b"R" => assigned(rest, StatementKind::Register),
         b"PR" => position_register(rest),
@@ -197,6 +203,7 @@ fn system_variable(upper: &[u8]) -> StatementKind<'static> {
     let has = |wanted: &[u8]| contains(upper, wanted);
     match () {
         () if has(b"FRM_CHKTYP") => StatementKind::Displace(Reason::FrameCheckUnknown),
+        () if has(b"GENOVERRIDE") => StatementKind::Override(b""),
         () if has(b"FRAMENUM") || has(b"TOOLNUM") => StatementKind::Macro,
         () if has(b"FRAME") || has(b"TOOL") => StatementKind::RedefineAny,
         () => StatementKind::Plain,
@@ -271,7 +278,7 @@ fn redefined(frame: Frame, rest: &[u8]) -> StatementKind<'_> {
         Ok((value, (within, _))) => match of_first_group(within) {
             Some(within) => {
                 let register = (keyword("PR"), brackets).parse(value.trim_ascii()) as Parsed<'_, _>;
-                let register = register.ok().filter(|(behind, _)| behind.is_empty());
+                let register = register.ok().filter(|(after, _)| after.is_empty());
                 let register = register.and_then(|(_, (_, within))| of_first_group(within));
                 StatementKind::Redefine(frame, index(within), register.map_or(&b""[..], index))
             }
@@ -315,7 +322,7 @@ fn position_register(rest: &[u8]) -> StatementKind<'_> {
             let itself = [sides.next(), sides.next(), sides.next()];
             let is_itself = |side: &[u8]| {
                 let register = (keyword("PR"), brackets).parse(side) as Parsed<'_, _>;
-                register.is_ok_and(|(behind, (_, own))| behind.is_empty() && index(own) == indices)
+                register.is_ok_and(|(after, (_, own))| after.is_empty() && index(own) == indices)
             };
             match itself {
                 [Some(one), Some(other), None] if is_itself(one) && is_itself(other) => Whole::Zero,
@@ -361,24 +368,24 @@ fn counted(rest: &[u8]) -> StatementKind<'_> {
 
 /// `SUB(1,2)`
 fn called(rest: &[u8]) -> StatementKind<'_> {
-    let (name, behind) = motion::program(rest);
+    let (name, after) = motion::program(rest);
     let ends = |text: &[u8]| text.trim_ascii().is_empty() || text.trim_ascii_end().ends_with(b")");
-    match brackets(behind) {
+    match brackets(after) {
         // The text after the arguments is another statement, which is not read.
-        Ok((behind, _)) if !behind.trim_ascii_start().starts_with(b"(") && !ends(behind) => StatementKind::Unknown,
-        Err(_) if !behind.trim_ascii_start().starts_with(b"(") && !ends(behind) => StatementKind::Unknown,
+        Ok((after, _)) if !after.trim_ascii_start().starts_with(b"(") && !ends(after) => StatementKind::Unknown,
+        Err(_) if !after.trim_ascii_start().starts_with(b"(") && !ends(after) => StatementKind::Unknown,
         _ => StatementKind::Call(name),
     }
 }
 
 /// ` SUB`, `=SUB`, `[1]=SUB`, ` DI[1]=ON,CALL SUB`: the program.
-fn beside(rest: &[u8]) -> StatementKind<'_> {
+fn concurrent(rest: &[u8]) -> StatementKind<'_> {
     let upper = rest.to_ascii_uppercase();
-    let behind = match memchr::memmem::rfind(&upper, b"CALL ") {
+    let after = match memchr::memmem::rfind(&upper, b"CALL ") {
         Some(call) => &rest[call + 5..],
         None => rest.rsplit(|b| *b == b'=').next().unwrap_or(rest),
     };
-    StatementKind::Concurrent(motion::program(behind.trim_ascii_start()).0)
+    StatementKind::Concurrent(motion::program(after.trim_ascii_start()).0)
 }
 
 /// The statement after a condition or a case.
@@ -573,7 +580,8 @@ mod tests {
         assert_eq!(is("$MNUFRAMENUM[1]=2"), StatementKind::Macro);
         assert_eq!(is("$GROUP[1].$UFRAME=PR[1]"), StatementKind::RedefineAny);
         assert_eq!(is("$FRM_CHKTYP=(-2)"), StatementKind::Displace(Reason::FrameCheckUnknown));
-        assert_eq!(is("$MCR.$GENOVERRIDE=50"), StatementKind::Plain);
+        assert_eq!(is("$MCR.$GENOVERRIDE=50"), StatementKind::Override(b""));
+        assert_eq!(is("OVERRIDE=R[3:ov]%"), StatementKind::Override(b"R[3:ov]"));
         assert_eq!(is("SOFTFLOAT[1]"), StatementKind::Displace(Reason::Softfloat));
         assert!(matches!(is("Independent GP GP1 L P[1] 5mm/sec FINE GP2 J P[1] 5% FINE"), StatementKind::Motion(_)));
     }

@@ -54,6 +54,63 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
     lowered::read(&LOWERING, sources, context)
 }
 
+/// The unit of the speeds `V=` of a controller, which one of its parameters sets.
+///
+/// # Examples
+/// ```
+/// use deflex_program::jbi::SpeedUnit;
+///
+/// let units = SpeedUnit::WORDS.map(|(word, unit)| (word, unit.mm_s())); // as `[controller] speed_unit` of the cell has them
+/// assert_eq!(units[1], ("cm/min", 10.0 / 60.0));
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SpeedUnit {
+    /// Millimetres a second.
+    #[default]
+    MillimetresPerSecond,
+    /// Centimetres a minute.
+    CentimetresPerMinute,
+    /// Millimetres a minute.
+    MillimetresPerMinute,
+    /// Inches a minute.
+    InchesPerMinute,
+}
+
+impl SpeedUnit {
+    /// All of them, with their words in the cell file.
+    pub const WORDS: [(&'static str, Self); 4] = [
+        ("mm/s", Self::MillimetresPerSecond),
+        ("cm/min", Self::CentimetresPerMinute),
+        ("mm/min", Self::MillimetresPerMinute),
+        ("inch/min", Self::InchesPerMinute),
+    ];
+
+    /// The unit in mm/s.
+    #[must_use]
+    pub fn mm_s(self) -> f64 {
+        match self {
+            Self::MillimetresPerSecond => 1.0,
+            Self::CentimetresPerMinute => 10.0 / 60.0,
+            Self::MillimetresPerMinute => 1.0 / 60.0,
+            Self::InchesPerMinute => 25.4 / 60.0,
+        }
+    }
+}
+
+/// Takes the speeds of a job that was read as numbers in this unit. The unit of a variable is known for mm/s only: in other units, its speed is
+/// unknown.
+#[doc(hidden)]
+pub fn take_speeds_in(program: &mut Program, unit: SpeedUnit) {
+    if program.language != Language::Jbi || unit == SpeedUnit::MillimetresPerSecond {
+        return;
+    }
+    for target in &mut program.targets {
+        let text = program.sources[usize::from(target.source)].slice(target.span);
+        let is_number = text.windows(4).any(|word| word.starts_with(b" V=") && word[3].is_ascii_digit());
+        target.feed_mm_s = target.feed_mm_s.filter(|_| is_number).map(|number| number * unit.mm_s());
+    }
+}
+
 /// A warning if the positions of a job have more than one posture.
 fn postures(source: &Source) -> Option<Diagnostic> {
     // Flip, upper or lower arm, front or rear; a base axis has zeros.

@@ -7,6 +7,7 @@ use super::numbers::{ANGLE_DECIMALS, POSITION_DECIMALS, bytes, near};
 use super::syntax::simple;
 use super::tree::StatementKind;
 use super::value::{EXTERNAL, POSE, upper};
+use crate::line::{indent, line_end};
 use crate::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
 use crate::token::{signed, single};
 use crate::{Editable, Insert, Inserted, Motion, Passing, Program, Reason, Role, Target};
@@ -176,9 +177,9 @@ pub(super) fn line(program: &Program, layout: &Layout, insert: &Insert) -> Resul
         content.push(b' ');
         content.extend_from_slice(after);
     }
-    let (indent, line_end) = around(&program.sources[source].bytes, target.span);
-    content.extend_from_slice(line_end);
-    content.extend_from_slice(indent);
+    let bytes = &program.sources[source].bytes;
+    content.extend_from_slice(line_end(bytes, target.span.end as usize).0);
+    content.extend_from_slice(indent(bytes, target.span.start as usize));
     let held = |numbers: Vec<f64>| std::array::from_fn(|i| numbers[i]);
     let pose = (held(position), quaternion_of_zyx_deg(held(angles)));
     let at = Span { start: target.span.start, end: target.span.start };
@@ -199,16 +200,4 @@ fn put<'n>(out: &mut Vec<u8>, components: impl Iterator<Item = (&'n &'n [u8], f6
         held.push(single(number::read(&out[from..]).unwrap_or(value)));
     }
     held
-}
-
-/// The blanks before a statement, and its line end.
-fn around(bytes: &[u8], statement: Span) -> (&[u8], &[u8]) {
-    let Range { start, end } = statement.range();
-    let blanks = bytes[..start].iter().rev().take_while(|byte| matches!(byte, b' ' | b'\t')).count();
-    let at = end + memchr::memchr2(b'\n', b'\r', &bytes[end..]).unwrap_or(bytes.len() - end);
-    let len = bytes[at..].iter().take_while(|byte| **byte == b'\r').count();
-    let len = len + usize::from(bytes.get(at + len) == Some(&b'\n'));
-    // A return alone ends one line, and the next is empty.
-    let len = if bytes.get(at + len.saturating_sub(1)) == Some(&b'\n') { len } else { len.min(1) };
-    (&bytes[start - blanks..start], if len == 0 { b"\n" } else { &bytes[at..at + len] })
 }

@@ -240,7 +240,7 @@ fn an_orientation_that_the_controller_disregards_is_not_edited() {
     assert!(!held.targets[3].located && held.kept[0].reason == Reason::OrientationType);
     let edited = &moved(&held, 0.5)[0];
     assert!(edited.contains("LIN {X 1.500,Y 2.500,Z 3.500,A 0.0,B 0.0,C 0.0}"), "{edited}");
-    assert_eq!(editable(&program(&format!("$ORI_TYPE=#CONSTANT\n{lines}"))), ['-'; 3], "nobody knows how it begins");
+    assert_eq!(editable(&program(&format!("$ORI_TYPE=#CONSTANT\n{lines}"))), ['-'; 3], "its start is unknown");
     assert_eq!(editable(&program(&format!("$ORI_TYPE=#JOINT\n{lines}"))), ['P'; 3]);
     assert_eq!(
         editable(&program(&format!(

@@ -2,6 +2,7 @@
 
 use super::Layout;
 use super::rewrite::print;
+use crate::line::{indent, line_end, line_start};
 use crate::{Change, Editable, Insert, Inserted, Motion, Passing, Program, Reason, RewriteOptions, Role};
 use deflex_text::{Content, Edit, Span};
 
@@ -26,10 +27,9 @@ pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Opti
         return Some(Reason::NumbersElsewhere);
     }
     let bytes = &program.sources[usize::from(target.source)].bytes;
-    let begins = |at: usize| bytes[..at].iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
-    let blank =
-        bytes[begins(target.span.start as usize)..target.span.start as usize].iter().all(u8::is_ascii_whitespace);
-    (!blank).then_some(Reason::SharesLine)
+    let start = target.span.start as usize;
+    let is_first = line_start(bytes, start) + indent(bytes, start).len() == start;
+    (!is_first).then_some(Reason::SharesLine)
 }
 
 /// The motion for an insert.
@@ -65,10 +65,8 @@ pub(super) fn statement(
     // Writing to a Vec cannot fail.
     let _ = deflex_text::apply_within(bytes, target.span.range(), &edits, &mut text);
     let start = target.span.start as usize;
-    let line = bytes[..start].iter().rposition(|b| *b == b'\n').map_or(0, |end| end + 1);
-    let ends: &[u8] = if bytes[target.span.end as usize..].starts_with(b"\r\n") { b"\r\n" } else { b"\n" };
-    text.extend_from_slice(ends);
-    text.extend_from_slice(&bytes[line..start]);
+    text.extend_from_slice(line_end(bytes, target.span.end as usize).0);
+    text.extend_from_slice(indent(bytes, start));
     let at = Span { start: target.span.start, end: target.span.start };
     Ok(Inserted { source: usize::from(target.source), at, text, pose: printed.written })
 }

@@ -104,7 +104,8 @@ fn job(
         } else {
             let (speed, corner) = (post.speed_mm_s(point), post.corner_mm(&here, point, points.get(i + 1)));
             let passes = corner.map_or("PL=0".to_owned(), |radius| format!("CR={radius:.1}"));
-            lines += &format!("MOVL C{i:05} V={:.1} {passes}\n", speed.max(0.1));
+            let speed = (speed / plan.speed_unit.mm_s()).max(0.1);
+            lines += &format!("MOVL C{i:05} V={speed:.1} {passes}\n");
         }
         *place = here;
     }

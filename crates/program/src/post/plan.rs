@@ -1,5 +1,6 @@
 //! What a writer of programs has to know before the first point.
 
+use crate::jbi::SpeedUnit;
 use crate::{EXTERNAL_AXES, ToolData, WobjData};
 
 /// The plan of a posted program, before its first point.
@@ -26,6 +27,8 @@ pub struct PostPlan {
     pub max_points: Option<usize>,
     /// Speed of rapid travel, mm/s.
     pub rapid_mm_s: f64,
+    /// The unit of speeds in INFORM.
+    pub speed_unit: SpeedUnit,
     /// Largest distance of a zone's rounding from a corner that cuts, mm.
     pub corner_tolerance_mm: f64,
 }
@@ -45,6 +48,7 @@ impl PostPlan {
             points,
             max_points: None,
             rapid_mm_s: 200.0,
+            speed_unit: SpeedUnit::default(),
             corner_tolerance_mm: 0.05,
         }
     }

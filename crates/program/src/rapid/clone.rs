@@ -3,6 +3,7 @@
 use super::TargetInText;
 use super::lex::{Cursor, Key, LexemeKind, key};
 use super::writer::{Print, Writer};
+use crate::line::{indent, line_end};
 use crate::{Change, Editable, Reason};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Edit, Source, Span};
@@ -89,7 +90,7 @@ fn try_clones(
     }
     let mut sorted: Vec<(SourceSpan, usize)> = arguments.into_iter().collect();
     sorted.sort_unstable_by_key(|(p, _)| (p.source, p.span));
-    let (indent, line_end) = layout_at(source, start);
+    let (indent, line_end) = (indent(&source.bytes, start as usize), line_end(&source.bytes, end as usize).0);
     for (g, (print, users)) in groups.iter().enumerate() {
         if g == 0 {
             prints[literal as usize] = Some(print.clone());
@@ -145,21 +146,6 @@ fn declaration(source: &Source, literal: Span) -> Option<(u32, u32, Declared)> {
             _ => {}
         }
     }
-}
-
-/// The indentation of the line on which a statement begins, and the line end before it.
-pub(super) fn layout_at(source: &Source, start: u32) -> (&[u8], &[u8]) {
-    let bytes = &source.bytes;
-    let start = start as usize;
-    let line = bytes[..start].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |p| p + 1);
-    let blank = bytes[line..start].iter().take_while(|b| matches!(b, b' ' | b'\t')).count();
-    // One line end: LF, or CRs with at most one LF after them.
-    let mut from = line - usize::from(line > 0 && bytes[line - 1] == b'\n');
-    while from > 0 && bytes[from - 1] == b'\r' {
-        from -= 1;
-    }
-    let line_end = if from < line { &bytes[from..line] } else { b"\n" };
-    (&bytes[line..line + blank], line_end)
 }
 
 /// A name that does not occur in the program.

@@ -1,6 +1,5 @@
 //! Inserted points between two targets: each becomes a motion before the instruction, in the layout of the file.
 
-use super::clone::layout_at;
 use super::expression::{Arguments, Call};
 use super::lex::{Cursor, LexemeKind};
 use super::motion::{self, Shape, ToolAt, Zone};
@@ -10,6 +9,7 @@ use super::value::quarters;
 use super::value::unit;
 use super::writer::Writer;
 use super::{Layout, TargetInText};
+use crate::line::{indent, line_end, line_start};
 use crate::token::single;
 use crate::{Conf, Goal, Insert, Inserted, Motion, Passing, Program, Reason, Target};
 use deflex_lang::ir::SourceSpan;
@@ -73,8 +73,7 @@ pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Opti
     };
     let source = &program.sources[usize::from(target.source)];
     let start = target.span.start as usize;
-    let line = source.bytes[..start].iter().rposition(|b| matches!(b, b'\n' | b'\r')).map_or(0, |end| end + 1);
-    let is_first = line + layout_at(source, target.span.start).0.len() == start;
+    let is_first = line_start(&source.bytes, start) + indent(&source.bytes, start).len() == start;
     match () {
         () if layout.after_compact_if.contains(&(target.source, target.span.start)) => Some(Reason::CompactIf),
         () if !shape.is_only_motion => Some(Reason::ProcessMotion),
@@ -106,7 +105,6 @@ pub(super) fn instruction(writer: &Writer<'_>, insert: &Insert) -> Result<Insert
         let argument = call.arguments.positional.get(at).ok_or(Reason::Motion)?;
         Ok::<_, Reason>(&bytes[argument.span.range()])
     };
-    let (indent, line_end) = layout_at(source, target.span.start);
     let (conf, axes) = rest(writer.layout, writer, insert.before, insert.conf, &target.goal);
     let axes = insert.external.map_or(axes, |external| external_axes(&external, writer.options.position_decimals));
     let mut content = if via.is_some() { b"MoveC ".to_vec() } else { b"MoveL ".to_vec() };
@@ -125,8 +123,8 @@ pub(super) fn instruction(writer: &Writer<'_>, insert: &Insert) -> Result<Insert
     copy_named(&call, bytes, b"WObj", &mut content);
     copy_named(&call, bytes, b"TLoad", &mut content);
     content.push(b';');
-    content.extend_from_slice(line_end);
-    content.extend_from_slice(indent);
+    content.extend_from_slice(line_end(&source.bytes, target.span.end as usize).0);
+    content.extend_from_slice(indent(&source.bytes, target.span.start as usize));
     let at = Span { start: target.span.start, end: target.span.start };
     Ok(Inserted { source: target.source as usize, at, text: content, pose })
 }

@@ -3,9 +3,10 @@
 
 use super::Layout;
 use super::position::{self, Body, Pose, Position};
-use super::renumber::{Shifts, counted, line_end, line_start, renumber};
+use super::renumber::{Shifts, counted, renumber};
 use super::written::{DECIMALS, nearest};
 use crate::EXTERNAL_AXES;
+use crate::line::{line_end, line_start};
 use crate::orientation::{from_zyx_deg, quaternion, rotation, zyx_deg};
 use crate::token::{New, single};
 use crate::{Conf, Editable, Insert, Motion, Program, Reason, RewriteOptions, Rewritten, Role, Target};
@@ -81,18 +82,18 @@ pub(super) fn write(
     let mut writer = Writer::new(program, layout, options);
     let is_kept = |i: usize| out.kept.binary_search_by_key(&i, |(kept, _)| *kept).is_ok();
     let mut lines = BTreeMap::new();
-    for beside in inserts.chunk_by(|a, b| a.before == b.before) {
-        let before = beside[0].before;
+    for together in inserts.chunk_by(|a, b| a.before == b.before) {
+        let before = together[0].before;
         let arc = program.targets.get(before).is_some_and(|target| target.motion == Motion::Circular);
         let whole = !arc || !(is_kept(before) || before.checked_sub(1).is_some_and(is_kept));
-        let written = if whole { writer.positions(before, beside) } else { Err(Reason::Arc) };
+        let written = if whole { writer.positions(before, together) } else { Err(Reason::Arc) };
         match written {
             Ok((like, numbers, poses)) => {
                 lines.insert(program.targets[before].span.start as usize, (like, numbers));
                 out.inserted.extend(poses.into_iter().map(Some));
             }
             Err(why) => {
-                out.inserted.extend(beside.iter().map(|_| None));
+                out.inserted.extend(together.iter().map(|_| None));
                 out.not_inserted.push((before, why));
             }
         }
@@ -213,8 +214,8 @@ impl<'a> Writer<'a> {
     ) -> Result<Pair, Reason> {
         let bytes = &self.program.sources[0].bytes;
         let (span, pose) = (like.position.span.range(), like.pose);
-        let (behind, _) = position::head(&bytes[span.clone()]).map_err(|_| Reason::NoEditablePose)?;
-        let body = span.end - behind.len();
+        let (after, _) = position::head(&bytes[span.clone()]).map_err(|_| Reason::NoEditablePose)?;
+        let body = span.end - after.len();
         let decimals = DECIMALS.min(self.options.position_decimals);
         let mut edits = Vec::new();
         let mut put = |place: Span, value: f64, decimals: usize| {
@@ -253,7 +254,7 @@ impl<'a> Writer<'a> {
         out.extend_from_slice(line_end(bytes, span.start).0);
         out.extend_from_slice(format!("P[{number}]{{").as_bytes());
         // Writing to a Vec cannot fail.
-        let _ = apply(behind, &edits, out);
+        let _ = apply(after, &edits, out);
         let [x, y, z, w, p, r] = held;
         Ok(([x, y, z], quaternion(&from_zyx_deg([r, p, w]))))
     }

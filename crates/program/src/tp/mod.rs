@@ -153,12 +153,12 @@ fn follows(head: &[u8]) -> Option<Reason> {
 fn positions(source: &Source, section: std::ops::Range<usize>) -> (Vec<Position>, Vec<Span>) {
     let base = &source.bytes[..section.end];
     let (mut found, mut odd, mut rest) = (Vec::new(), Vec::new(), &base[section.start..]);
-    while let Some((behind, position)) = position::next(base, rest) {
+    while let Some((after, position)) = position::next(base, rest) {
         match position {
             Ok(position) => found.push(position),
             Err(span) => odd.push(span),
         }
-        rest = behind;
+        rest = after;
     }
     (found, odd)
 }

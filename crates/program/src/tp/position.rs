@@ -82,13 +82,13 @@ pub(super) fn next<'a>(base: &'a [u8], input: &'a [u8]) -> Option<(&'a [u8], Res
         let start = rest.iter().position(|b| matches!(b, b'P' | b'p'))?;
         rest = &rest[start..];
         let place = Base(base);
-        if let Ok((behind, number)) = head(rest) {
-            return Some(match groups(place, behind) {
-                Ok((behind, groups)) => {
-                    let span = place.span(rest, rest.len() - behind.len());
-                    (behind, Ok(position(number, span, &groups)))
+        if let Ok((after, number)) = head(rest) {
+            return Some(match groups(place, after) {
+                Ok((after, groups)) => {
+                    let span = place.span(rest, rest.len() - after.len());
+                    (after, Ok(position(number, span, &groups)))
                 }
-                Err(_) => (behind, Err(place.span(rest, rest.len() - behind.len()))),
+                Err(_) => (after, Err(place.span(rest, rest.len() - after.len()))),
             });
         }
         rest = &rest[1..];
@@ -110,7 +110,7 @@ impl Base<'_> {
 /// Tokens of E1 … E6 of motion group 1.
 pub(super) fn external_tokens(bytes: &[u8], position: &Position) -> [Option<Span>; EXTERNAL_AXES] {
     let base = &bytes[..position.span.end as usize];
-    let items = head(&base[position.span.start as usize..]).and_then(|(behind, _)| groups(Base(base), behind));
+    let items = head(&base[position.span.start as usize..]).and_then(|(after, _)| groups(Base(base), after));
     let items = items.map_or_else(|_| Vec::new(), |(_, items)| items);
     EXTERNAL.map(|key| match numbers(&items, [key]) {
         Some([Value::Number { token, .. }]) => Some(token),
@@ -161,18 +161,18 @@ fn groups<'a>(base: Base<'a>, input: &'a [u8]) -> Parsed<'a, Vec<Item<'a>>> {
     let (mut items, mut group, mut rest) = (Vec::new(), 1, input);
     loop {
         (rest, _) = blanks(rest)?;
-        if let Ok((behind, _)) = (char('}'), opt(preceded(blanks, char(';')))).parse(rest) as Parsed<'_, _> {
-            return Ok((behind, items));
+        if let Ok((after, _)) = (char('}'), opt(preceded(blanks, char(';')))).parse(rest) as Parsed<'_, _> {
+            return Ok((after, items));
         }
-        if let Ok((behind, number)) = group_head(rest) {
-            (group, rest) = (number, behind);
+        if let Ok((after, number)) = group_head(rest) {
+            (group, rest) = (number, after);
             continue;
         }
-        let (behind, (key, _, value)) = (word, spaced(one_of(":=")), |input| value(base, input)).parse(rest)?;
+        let (after, (key, _, value)) = (word, spaced(one_of(":=")), |input| value(base, input)).parse(rest)?;
         let unit = alt((tag_no_case("mm"), tag_no_case("deg"), tag_no_case("inch"), tag_no_case("in")));
-        let (behind, (unit, _)) = (opt(spaced(unit)), opt(spaced(char(',')))).parse(behind)?;
+        let (after, (unit, _)) = (opt(spaced(unit)), opt(spaced(char(',')))).parse(after)?;
         items.push(Item { group, key, value, unit });
-        rest = behind;
+        rest = after;
     }
 }
 
@@ -283,7 +283,7 @@ fn config(items: &[Item<'_>]) -> Option<WrittenConfig> {
     let mut config = Config { posture: 0, turns: [0; 3] };
     let mut tokens = [Span::default(); 3];
     let (mut rest, mut letters) = (text, 0);
-    while let Ok((behind, letter)) = spaced(take(1_usize)).parse(rest) as Parsed<'_, &[u8]> {
+    while let Ok((after, letter)) = spaced(take(1_usize)).parse(rest) as Parsed<'_, &[u8]> {
         match letter[0].to_ascii_uppercase() {
             b'N' | b'U' | b'T' => {}
             b'F' => config.posture |= 1,
@@ -295,7 +295,7 @@ fn config(items: &[Item<'_>]) -> Option<WrittenConfig> {
             _ => return None,
         }
         letters += 1;
-        rest = behind;
+        rest = after;
     }
     if letters != 3 {
         return None;
@@ -304,14 +304,14 @@ fn config(items: &[Item<'_>]) -> Option<WrittenConfig> {
         let turn = recognize((opt(one_of("+-")), digit1));
         // The comma before the first one was read with the letters.
         let comma = |input| opt(char(',')).parse(input) as Parsed<'_, Option<char>>;
-        let (behind, (_, token)) = (comma, spaced(turn)).parse(rest).ok()?;
+        let (after, (_, token)) = (comma, spaced(turn)).parse(rest).ok()?;
         config.turns[i] = std::str::from_utf8(token).ok()?.parse().ok()?;
         // The start of the token follows from the rest of the text and its own length.
-        let end = text.len() - behind.len();
+        let end = text.len() - after.len();
         let trimmed = text[..end].trim_ascii_end().len();
         let place = base.span(&text[trimmed - token.len()..], token.len());
         tokens[i] = Span { start: at.start + place.start, end: at.start + place.end };
-        rest = behind;
+        rest = after;
     }
     rest.is_empty().then_some(WrittenConfig { config, tokens })
 }

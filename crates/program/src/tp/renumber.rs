@@ -76,28 +76,12 @@ pub(super) fn renumber<'a>(
 fn count(bytes: &[u8]) -> Option<(usize, usize)> {
     let head = sections(bytes).head;
     let upper = bytes[head.clone()].to_ascii_uppercase();
-    let behind = COUNTS.iter().find_map(|name| {
+    let after = COUNTS.iter().find_map(|name| {
         let at = memchr::memmem::find(&upper, name)?;
         let begins = at == 0 || matches!(upper[at - 1], b'\n' | b'\r');
         begins.then_some(at + name.len())
     })?;
-    let between = upper[behind..].iter().take_while(|byte| matches!(byte, b' ' | b'\t' | b'=')).count();
-    let len = upper[behind + between..].iter().take_while(|byte| byte.is_ascii_digit()).count();
-    (len > 0).then_some((head.start + behind + between, len))
-}
-
-/// The start of the line of a place.
-pub(super) fn line_start(bytes: &[u8], at: usize) -> usize {
-    memchr::memrchr2(b'\n', b'\r', &bytes[..at]).map_or(0, |end| end + 1)
-}
-
-/// The line end after a place, and the number of bytes up to the next line.
-pub(super) fn line_end(bytes: &[u8], at: usize) -> (&[u8], usize) {
-    let rest = &bytes[at..];
-    let end = memchr::memchr2(b'\n', b'\r', rest).unwrap_or(rest.len());
-    let returns = rest[end..].iter().take_while(|byte| **byte == b'\r').count();
-    let feed = rest.get(end + returns) == Some(&b'\n');
-    // A carriage return alone ends a line.
-    let len = if feed { returns + 1 } else { returns.min(1) };
-    (if len == 0 { b"\n" } else { &rest[end..end + len] }, end + len)
+    let between = upper[after..].iter().take_while(|byte| matches!(byte, b' ' | b'\t' | b'=')).count();
+    let len = upper[after + between..].iter().take_while(|byte| byte.is_ascii_digit()).count();
+    (len > 0).then_some((head.start + after + between, len))
 }

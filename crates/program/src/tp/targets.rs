@@ -188,13 +188,11 @@ impl<'a> Builder<'a> {
         // `push` sets the predecessor: the points before are not added yet.
         let target = Target {
             role,
-            feed_mm_s: match motion.speed {
-                Some(Speed::Number(mm_s)) => Some(mm_s),
-                Some(Speed::Register { unit_mm_s, .. }) => {
-                    visit.held.0.speed.map(|number| number * unit_mm_s).filter(|mm_s| *mm_s > 0.0)
-                }
-                None => None,
-            },
+            // A run multiplies the number in a register by the override, per cent.
+            feed_mm_s: motion.speed.zip(visit.held.0.speed).and_then(|(speed, percent)| {
+                let (Speed::Number(unit_mm_s) | Speed::Register { unit_mm_s, .. }) = speed;
+                Some(unit_mm_s * percent / 100.0).filter(|mm_s| *mm_s > 0.0)
+            }),
             mark,
             editable: why.map_or(Editable::Pose, Editable::No),
             external: self.external(position, motion),

@@ -304,7 +304,7 @@ impl<'a> Machine<'a> {
             if self.steps > 600 {
                 return Err("runs on".into());
             }
-            let flow = match self.beside()? {
+            let flow = match self.interrupted()? {
                 Flow::Next => self.statement(stmt)?,
                 flow => flow,
             };
@@ -316,7 +316,7 @@ impl<'a> Machine<'a> {
     }
 
     /// What TRIGGER and INTERRUPT start, now or later.
-    fn beside(&mut self) -> Done<Flow> {
+    fn interrupted(&mut self) -> Done<Flow> {
         if self.handling {
             return Ok(Flow::Next);
         }

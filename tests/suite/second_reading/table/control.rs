@@ -140,7 +140,7 @@ pub(super) const CASES: &[Case] = &[
         "",
     ),
     case(
-        "routine that nobody calls",
+        "routine without a caller",
         1,
         P,
         "MoveL p1,v50,fine,t1\\WObj:=w1;",

@@ -93,14 +93,14 @@ pub(super) const CASES: &[Case] = &[
         "PROC rTry() WaitDI di1,1\\MaxTime:=1; MoveL p2,v50,fine,t1\\WObj:=w1; ERROR MoveL p1,v50,fine,t2\\WObj:=w2; TRYNEXT; ENDPROC",
     ),
     case(
-        "target of a routine that nobody calls",
+        "target of a routine without a caller",
         0,
         P,
         "MoveL p1,v50,fine,t1\\WObj:=w1;",
         "PROC rService() MoveL p1,v50,fine,t2\\WObj:=w2; ENDPROC",
     ),
     case(
-        "target of its own in a routine that nobody calls",
+        "target of its own in a routine without a caller",
         1,
         P,
         "MoveL p1,v50,fine,t1\\WObj:=w1;",
@@ -149,7 +149,7 @@ pub(super) const CASES: &[Case] = &[
         "",
     ),
     case(
-        "unknown element in a routine that nobody calls",
+        "unknown element in a routine without a caller",
         0,
         P,
         "MoveL pa{1},v50,fine,t1\\WObj:=w1;",
@@ -395,7 +395,7 @@ pub(super) const CASES: &[Case] = &[
         "PROC rOut() MoveL Offs(pa{n},0,5,0),v50,fine,t1\\WObj:=w1; ERROR wv:=w2; TRYNEXT; ENDPROC",
     ),
     case(
-        "an index within its array, beside a handler",
+        "an index within its array, and a handler",
         1,
         "VAR num n:=1; PERS wobjdata wv:=[FALSE,TRUE,\"\",[[1200,100,600],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]; VAR num ns{2}:=[20,30];",
         "rIn; MoveL [[20,35,115],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,t1\\WObj:=wv;",
