@@ -142,7 +142,15 @@ impl ProgramFiles {
         &self.job.companions
     }
 
-    /// The parts of the program.
+    /// The parts of the program, from which another process makes it again.
+    ///
+    /// # Examples
+    /// ```
+    /// # let (program, _) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/doc/run.rs"));
+    /// let parts = program.parts();
+    /// assert_eq!(parts.texts.len(), program.sources().len());
+    /// # Ok::<(), deflex::text::Diagnostics>(())
+    /// ```
     #[must_use]
     pub fn parts(&self) -> ProgramParts {
         ProgramParts {

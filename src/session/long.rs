@@ -3,11 +3,11 @@
 
 use super::{Done, ProgramFiles, Run, noticed};
 use crate::session::Tolerances;
-use crate::session::checked::{Chunks, Found, Listed};
 use crate::session::job;
 use crate::session::lines::quote;
 use crate::session::report::Noticed;
 use crate::session::text::Text;
+use crate::session::tolerances::{Chunks, Found, Listed};
 use deflex::correct::{Judge, LaidOut, Sinks, StreamError, Streamed, compensate_long, post_long, predict_long};
 use deflex::program::InChunks;
 use deflex::report::html::{PathKind, PathTrace};

@@ -41,10 +41,11 @@ pub(crate) mod setup;
 mod simulated;
 mod template;
 pub(crate) mod text;
+pub(crate) mod tolerances;
 mod write;
 pub(crate) mod written;
 
-pub use checked::{Checked, Tolerances, check, check_page};
+pub use checked::{Checked, check, check_page};
 pub use compared::{Compared, diff};
 pub use files::{ProgramFiles, ProgramParts};
 pub use identified::{Identified, MeasuredFile, MeasuredRunFiles, identify, identify_path};
@@ -53,6 +54,7 @@ pub use inspected::{Inspected, inspect, programs_in};
 pub use planned::{Planned, plan};
 pub use simulated::{Simulated, SimulationProgress, simulate};
 pub use template::{CellSource, init};
+pub use tolerances::Tolerances;
 pub use write::write;
 
 use again::Again;
