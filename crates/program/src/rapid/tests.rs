@@ -80,7 +80,7 @@ fn shared_targets_are_cloned_where_allowed() {
 
 #[test]
 fn inserted_points_keep_layout_and_the_last_zone() {
-    let p = program(&module("    MoveL p1,v100,fine,tool0;\r\n    MoveL p2,v100\\V:=33,fine,tool0\\WObj:=wobj0;"));
+    let p = program(&module("    MoveL p1,v100,fine,tool0;\r\n    MoveL p2,v100\\V:=33,fine,tool0\\WObj:=wobj0;\r"));
     let insert = Insert::line(1, ([5.0, 6.0, 7.0], [1.0, 0.0, 0.0, 0.0]), 3.0);
     let text = rewritten(&p, &[None, None], &[insert], &RewriteOptions::default());
     let line = "\r\n    MoveL [[5.0000,6.0000,7.0000],[1.00000000,0.00000000,0.00000000,0.00000000],[0,0,0,0],\
