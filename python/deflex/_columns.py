@@ -96,8 +96,9 @@ class Moved(TypedDict):
     shift_mm: Float
     turn_deg: Float
     step_mm: Float
-    conf_before: Text
-    conf_after: Text
+    # Numbers, all of them NaN, where no configuration changes: an empty column has no type of its own.
+    conf_before: Text | Float
+    conf_after: Text | Float
 
 
 class DrivenPath(TypedDict):

@@ -432,6 +432,10 @@ class Simulation(_Result):
         """The part as it will be cut, binary STL, mm."""
         return cast(bytes, self._data["stl"])
 
+    def __repr__(self) -> str:
+        summary = self.summary
+        return f"<Simulation: deviation of the surface rms {summary.rms_mm:.4f} mm, max {summary.max_mm:.4f} mm>"
+
 
 class Difference(_Result):
     """What changed between two programs, target by target."""

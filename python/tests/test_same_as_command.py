@@ -239,7 +239,7 @@ def test_check_of_a_long_program_and_against_its_original(long_program, steep_ce
 
 def test_an_unreachable_target_is_a_finding(command, tmp_path):
     far = tmp_path / "far.mod"
-    far.write_text(Path("samples/slot/slot.mod").read_text().replace("MoveL [[", "MoveL [[9", 1))
+    far.write_text(Path("samples/slot/slot.mod").read_text().replace("MoveL [[", "MoveL [[9999", 1))
     answer = tmp_path / "out.json"
     command("check", far, "--cell", "samples/slot/cell.toml", "--max-error", 1, "--json", answer, code=1)
     found = deflex.check(far, "samples/slot/cell.toml", max_error_mm=1.0)
