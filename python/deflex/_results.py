@@ -226,8 +226,8 @@ class _Errors(_Run):
 
     def __repr__(self) -> str:
         summary = self.summary
-        said = f"{self._data['text']}; error rms {summary.rms_error_mm:.4f} mm, max {summary.max_error_mm:.4f} mm"
-        return f"<{type(self).__name__} of {summary.path}: {said}{self._remaining()}>"
+        errors = f"{self._data['text']}; error rms {summary.rms_error_mm:.4f} mm, max {summary.max_error_mm:.4f} mm"
+        return f"<{type(self).__name__} of {summary.path}: {errors}{self._remaining()}>"
 
     def _remaining(self) -> str:
         return ""

@@ -1,3 +1,5 @@
+//! Checks a program against tolerances, with the answer in memory.
+
 use super::tolerances::{Found, Programs, Tolerances};
 use super::{CellFile, ProgramFiles, Run};
 use crate::session::long::Long;

@@ -84,10 +84,14 @@ impl<'a> Long<'a> {
         self.done(done, reports, files)
     }
 
+    /// The original to read in chunks, if there is one; `None` if it can be understood only as a whole.
+    fn original<'f>(&self, against: Option<&'f ProgramFiles>) -> Option<Option<job::Long<'f>>> {
+        against.map_or(Some(None), |original| original.long(self.run).map(Some))
+    }
+
     /// Predicts the program without correcting it; `None` if it, or its original, can be understood only as a whole.
     pub(super) fn predict(&self, against: Option<&ProgramFiles>) -> Answer {
-        let original = against.map(|original| original.long(self.run));
-        let Some(original) = original.map_or(Some(None), |long| long.map(Some)) else { return Ok(None) };
+        let Some(original) = self.original(against) else { return Ok(None) };
         self.program.by_chunks(|program| {
             let noticed = Noticed::new(self.run.setup.options.forces.as_ref(), None);
             let (reports, done) = self.filled((PathKind::Predict, noticed), |sinks| {
@@ -106,8 +110,7 @@ impl<'a> Long<'a> {
         against: Option<&ProgramFiles>,
         tolerances: &Tolerances,
     ) -> Result<Option<(Found, Vec<u8>)>, Vec<Diagnostic>> {
-        let original = against.map(|original| original.long(self.run));
-        let Some(original) = original.map_or(Some(None), |long| long.map(Some)) else { return Ok(None) };
+        let Some(original) = self.original(against) else { return Ok(None) };
         let setup = &self.run.setup;
         self.program.by_chunks(|program| {
             let noticed = Noticed::new(setup.options.forces.as_ref(), None);

@@ -122,7 +122,7 @@ impl Tolerances {
         let Chunks { name, streamed, digest, listed, path } = chunks;
         let (found, judgement, sum) = if streamed.refused.is_empty() {
             let targets = streamed.last as usize;
-            let judgement = self.judgement(targets, &streamed.summary, (listed.unjudged, digest));
+            let judgement = self.judgement(targets, &streamed.summary, listed.unjudged, digest);
             (listed.wrong.into_parts(), judgement, streamed.summary)
         } else {
             let (refused, more) = streamed.refused.into_parts();
@@ -166,8 +166,7 @@ impl Tolerances {
         listed.add(self.findings(Judged { program, rows: &predicted.rows, failures, moved_mm, on_the_way }));
         noticed.take(&predicted.rows);
         let left_out = noticed.notes(name)?;
-        let judgement =
-            self.judgement(targets, &Summary::of(&predicted.rows), (listed.unjudged, noticed.into_digest()));
+        let judgement = self.judgement(targets, &Summary::of(&predicted.rows), listed.unjudged, noticed.into_digest());
         let not_judged: Vec<Diagnostic> = not_judged(name, &judgement).collect();
         let file = CheckFile::new(name, judgement, listed.wrong.into_parts());
         let rows = Rows::new(&predicted.rows);
@@ -181,7 +180,7 @@ impl Tolerances {
     }
 
     /// The judgement of a program with this number of targets.
-    fn judgement(&self, targets: usize, sum: &Summary, (unjudged, digest): (Findings, Digest)) -> Judgement {
+    fn judgement(&self, targets: usize, sum: &Summary, unjudged: Findings, digest: Digest) -> Judgement {
         let (skipped, more_skipped) = unjudged.into_parts();
         let ways = Some(self.max_path_error.unwrap_or(self.max_error)).filter(|_| !self.at_targets);
         Judgement {
