@@ -6,8 +6,7 @@ use super::deviation::{Node, WalkedPath};
 use super::parallelism::Parallelism;
 use super::point::Point;
 use super::segment::{Kind, Segment, Start};
-use super::solve::{Last, PathTo, Solver, bend, controller_motor};
-use deflex_drive::Track;
+use super::solve::{Last, Solver, controller_motor};
 use deflex_equilibrium::{Arm, Dragged, WarmStart};
 use deflex_program::{Program, Role};
 use deflex_robot::{Joints, Pose};
@@ -87,14 +86,6 @@ fn nearest(inserted: &mut [Inserted], landed: &[Option<Vector3<f64>>], segments:
     moved
 }
 
-/// The state after a path that ends at these motor angles and twists, rad.
-fn arrive(arm: &Arm, bend: Option<Joints>, (motor, twist): (Joints, Joints), last: &mut Last) -> Dragged {
-    if let (Some(bend), Some(from)) = (bend, &mut *last) {
-        *from = arm.turned_back(from, &motor, &bend, &twist);
-    }
-    arm.go_on(motor, twist, last)
-}
-
 /// The segments to targets from their starts.
 pub(super) fn segments<'p>(
     program: &Program,
@@ -159,26 +150,11 @@ impl Stops {
         for (i, motor) in motors.iter().enumerate() {
             // The circle point of an arc comes after the stops that are inserted before it.
             let end = if Kind::of(program, i) == Kind::Point { i + 1 } else { i };
-            let (point, setting) = (&prepared.points[i], prepared.setting(i));
-            // On the parts of a divided line, between motor angles.
-            let is_line = Kind::of(program, end) == Kind::Line && arm.follows_travel() && point.moved.is_none();
-            let bend_of_part = |last: &Last, motor: &Joints| {
-                let from = last.as_ref().filter(|_| is_line)?.motor;
-                let [start, pose] = [&from, motor].map(|motor| setting.wobj_from_tcp(&arm.robot.forward(motor)));
-                bend(&arm.robot, setting, &PathTo { track: Track::line(&start, &pose), share: 1.0 }, [&from, motor])
-            };
-            let mut bend_here = point.bend.as_deref().copied();
             while let Some(stop) = self.all.get_mut(next).filter(|stop| stop.before <= end) {
-                stop.travel = arrive(arm, bend_of_part(last, &stop.motor), (stop.motor, stop.twist), last).travel;
+                stop.travel = arm.go_on(stop.motor, stop.twist, last).travel;
                 next += 1;
-                bend_here = self
-                    .all
-                    .get(next)
-                    .is_none_or(|stop| stop.before > end)
-                    .then(|| bend_of_part(last, motor))
-                    .flatten();
             }
-            out.push(arrive(arm, bend_here, (*motor, point.twist()), last));
+            out.push(arm.go_on(*motor, prepared.points[i].twist(), last));
         }
         out
     }

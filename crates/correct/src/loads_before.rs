@@ -34,9 +34,6 @@ impl Prepared {
             self.points[i].torque.clone_from(&torques);
             if !is_sharp {
                 let point = &mut self.points[i];
-                if let (Some(bend), Some(from)) = (point.bend.as_deref(), &mut last) {
-                    *from = arm.turned_back(from, &point.motor, bend, &point.twist());
-                }
                 point.travel = arm.go_on(point.motor, point.twist(), &mut last).travel;
             }
         }

@@ -10,7 +10,6 @@ use super::mount::{Mount, Moved, Stand, is_entered_elsewhere};
 use super::point::{Point, tool_axis};
 use super::refusal::Refusal;
 use super::segment::Kind;
-use super::solve::{PathTo, bend};
 use super::spin;
 use super::travel::CHORD;
 use super::{Options, Prepared};
@@ -290,7 +289,7 @@ impl Walk<'_, '_> {
                     self.carried.started = StartedFrom::JointTarget;
                 }
                 let motor = self.cell.arm.robot.motor_from_axes_deg(&deg);
-                travel = self.travel_to(&motor, None);
+                travel = self.travel_to(&motor);
                 self.carried.near = Some(motor);
                 IDENTITY
             }
@@ -360,8 +359,7 @@ impl Walk<'_, '_> {
                 );
             }
         };
-        let bend = self.bend(i, (setting, stand), &wobj_from_tcp, &motor);
-        let travel = self.travel_to(&motor, bend.as_deref());
+        let travel = self.travel_to(&motor);
         let starts_unknown = self.starts_unknown(target);
         self.follow_unknown_travel(starts_unknown, &motor);
         self.carried.near = Some(motor);
@@ -425,7 +423,6 @@ impl Walk<'_, '_> {
             reference: wobj_from_tcp,
             motor,
             travel,
-            bend,
             normal: match (printed, self.carried.laws.has_engagement(tool), frame) {
                 (Some(normal), ..) => normal,
                 (None, true, Some(frame)) => frame.matrix().column(2).into(),
@@ -480,14 +477,8 @@ impl Walk<'_, '_> {
         }
     }
 
-    /// The pose on the arc to target `end`, at the circle point or at the end; `None` if the start of the arc is unknown.
+    /// The pose on the arc to target `end`, at the circle point or the end, whichever is `here`; `None` if the start of the arc is unknown.
     fn pose_on_arc(&self, end: usize, place: (u32, &Stand), here: &Pose, turn: ArcTurn) -> Option<Pose> {
-        let PathTo { track, share } = self.arc_to(end, place, here, turn)?;
-        Some(Pose { rotation: track.pose(share).rotation, ..*here })
-    }
-
-    /// The arc to target `end`, up to the circle point or the end, whichever is `here`; `None` if its start is unknown.
-    fn arc_to(&self, end: usize, place: (u32, &Stand), here: &Pose, turn: ArcTurn) -> Option<PathTo> {
         let [via, to] = [end - 1, end].map(|i| &self.program.targets[i]);
         let is_end = self.points.len() == end;
         let start = self.start(self.points[..self.points.len() - usize::from(is_end)].last(), place)?;
@@ -500,21 +491,7 @@ impl Walk<'_, '_> {
         let arc = if self.program.language.about().chooses_turn { arc } else { arc.by_shorter_turn() };
         let share = if is_end { arc.via().map(|_| 1.0) } else { arc.via() };
         let share = share.filter(|_| via.predecessor == Predecessor::Previous)?;
-        Some(PathTo { track: arc, share })
-    }
-
-    /// The path to a target that is known to be `here`. `None` for joint
-    /// motions, and if the start of the path is unknown.
-    fn path_to(&self, i: usize, place: (u32, &Stand), here: &Pose) -> Option<PathTo> {
-        let turn = |end: usize| arc_turn(self.program, self.cell, &self.program.targets[end]);
-        match Kind::of(self.program, i) {
-            Kind::Joint => None,
-            Kind::Line => {
-                Some(PathTo { track: Track::line(&self.start(self.points.last(), place)?, here), share: 1.0 })
-            }
-            Kind::Arc => self.arc_to(i, place, here, turn(i)),
-            Kind::Point => self.arc_to(i + 1, place, here, turn(i + 1)),
-        }
+        Some(Pose { rotation: arc.pose(share).rotation, ..*here })
     }
 
     /// The pose of a point, or of the last point of the chunk before, in the work object in force; `None` if it is unknown.
@@ -532,23 +509,9 @@ impl Walk<'_, '_> {
 
     /// Travel of a programmed motion to these motor angles, rad, with sharp friction: [`Prepared::follow_loads`] computes the travel of other
     /// friction when the forces are known.
-    fn travel_to(&self, motor: &Joints, bend: Option<&Joints>) -> Joints {
+    fn travel_to(&self, motor: &Joints) -> Joints {
         let held = self.last().map_or_else(Joints::zeros, |previous| previous.travel);
-        let from = |near| near + bend.copied().unwrap_or_default();
-        self.carried.near.map_or(held, |near| direction(&from(near), motor, &held))
-    }
-
-    /// How the joints bend on the path to a target, rad; see [`Point::bend`].
-    fn bend(&self, i: usize, place: (u32, &Stand), here: &Pose, motor: &Joints) -> Option<Box<Joints>> {
-        let (arm, (setting, stand)) = (&self.cell.arm, place);
-        // With units in the cell, the direction is that of the whole path.
-        let is_known = self.program.targets[i].predecessor == Predecessor::Previous && stand.moved.is_none();
-        if !arm.follows_travel() || !is_known {
-            return None;
-        }
-        let path = self.path_to(i, place, here)?;
-        let from_to = [&self.carried.near?, motor];
-        bend(&arm.robot, stand.setting(self.mount(setting)), &path, from_to).map(Box::new)
+        self.carried.near.map_or(held, |near| direction(&near, motor, &held))
     }
 
     /// Whether the segment to a target begins at an unknown point.

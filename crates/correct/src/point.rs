@@ -38,9 +38,6 @@ pub struct Point {
     pub motor: Joints,
     /// Direction of travel into the target with the joints as programmed, −1, 0, 1.
     pub travel: Joints,
-    /// How the path to the target bends in the space of the joints, rad: its tangent at the target, over the whole length of the path, starts
-    /// so far from the motor angles at the previous target. `None` without lost motion, and where the joints do not bend.
-    pub(super) bend: Option<Box<Joints>>,
     /// Surface normal, out of the material, work object axes.
     pub normal: Vector3<f64>,
     /// Programmed velocity, m/s, work object axes.
@@ -276,7 +273,6 @@ impl Point {
             turned_by_arc: false,
             through: None,
             plunges: false,
-            bend: None,
             milled: None,
             part: None,
             torque: None,

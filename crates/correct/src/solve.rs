@@ -2,10 +2,9 @@
 
 use super::parallelism::{Lane, Parallelism, WorkspacePool};
 use super::{Correct, Prepared, frames};
-use deflex_drive::Track;
 use deflex_equilibrium::{
     Aimed, Arm, Batch, Command, Dragged, EquilibriumError, Given, InverseSolution, PredictedPose, Room, Setting,
-    Settling, Start, TRAVEL_THRESHOLD, WarmStart,
+    Settling, Start, WarmStart,
 };
 use deflex_program::{Editable, Language};
 use deflex_robot::{BatchArm, Joints, Pose, Robot, Unreachable, WrittenTarget, turn_between};
@@ -281,11 +280,8 @@ pub(super) fn settle_travel(arm: &Arm, prepared: &Prepared, first: &[First], las
                 return travel;
             };
             let travel = match *last {
-                Some(mut from) => {
+                Some(from) => {
                     let (free, lost, programmed) = (&command.free, &command.lost, &point.travel);
-                    if let Some(bend) = point.bend.as_deref() {
-                        from = arm.turned_back(&from, free, bend, &twist);
-                    }
                     arm.settled_travel(&from, Settling { free, lost, twist: &twist, programmed })
                 }
                 None => Joints::zeros(),
@@ -310,29 +306,6 @@ pub(super) fn controller_joints(
 /// Motor angles of the controller for a pose, near known angles, without regard to axis limits; `None` if out of reach.
 pub(super) fn controller_motor(robot: &Robot, setting: &Setting, pose: &Pose, near: &Joints) -> Option<Joints> {
     robot.inverse_near_unlimited(&setting.base_from_flange(pose), near).ok()
-}
-
-/// A path to a target.
-pub(super) struct PathTo {
-    /// The line, or the whole arc.
-    pub(super) track: Track,
-    /// Share of the track at the target: less than 1 at a circle point.
-    pub(super) share: f64,
-}
-
-/// How the joints bend on a path from motor angles to others (rad); see [`Point::bend`](super::Point). `None`
-/// where they do not bend.
-pub(super) fn bend(
-    robot: &Robot,
-    setting: &Setting,
-    PathTo { track, share }: &PathTo,
-    [from, to]: [&Joints; 2],
-) -> Option<Joints> {
-    /// Share of the path over which the direction at its end is determined.
-    const LAST: f64 = 1.0 / 256.0;
-    let before = controller_motor(robot, setting, &track.pose(share * (1.0 - LAST)), to)?;
-    let bend = to - (to - before) / LAST - from;
-    (bend.amax() > TRAVEL_THRESHOLD).then_some(bend)
 }
 
 /// A pose as the controller of the posted program stores it: position, mm, and orientation, scalar first.

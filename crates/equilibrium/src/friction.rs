@@ -34,18 +34,6 @@ impl Arm {
         there
     }
 
-    /// The state from which the joints arrive at the angles `to` (rad) at the end of a path on which some of them turn back; see [`turning`]
-    /// for `bend`. With a presliding angle it is the state where they turn back. Sharp friction only has a direction, that of the path at its
-    /// end: the state is then the start of the tangent.
-    #[doc(hidden)]
-    pub fn turned_back(&self, from: &Dragged, to: &Joints, bend: &Joints, twist: &Joints) -> Dragged {
-        if self.presliding().is_sharp() {
-            return Dragged { motor: from.motor + bend, ..*from };
-        }
-        let Some(motor) = turning(&from.motor, to, bend) else { return *from };
-        Dragged { motor, twist: *twist, travel: self.travel(from, &motor, twist) }
-    }
-
     /// Travel after a corrected motion. It depends on the command, and the command on it: `free + travel · lost`, rad. `programmed` is the
     /// travel of the motion as programmed, and `twist` the twist of the gears there, rad.
     ///
@@ -127,23 +115,6 @@ impl Dragged {
 #[doc(hidden)]
 pub fn direction(from: &Joints, to: &Joints, held: &Joints) -> Joints {
     Joints::from_fn(|i, _| driven(held[i], to[i] - from[i], 0.0))
-}
-
-/// The motor angles (rad) at which joints turn back on a path from `from` to `to`; joints that do not turn back stay at `from`. `None` if no
-/// joint does. `bend` is how far from `from` the tangent at the end of the path, over the whole length of the path, starts: the joints follow
-/// the parabola through both ends with this tangent.
-#[must_use]
-pub(crate) fn turning(from: &Joints, to: &Joints, bend: &Joints) -> Option<Joints> {
-    let mut back = *from;
-    for i in 0..6 {
-        // The angle is to + end · (s − 1) − bend · (s − 1)² at a share s of the path, with the slope `start` at s = 0.
-        let end = to[i] - from[i] - bend[i];
-        let start = to[i] - from[i] + bend[i];
-        if start * end < 0.0 && start.abs().min(end.abs()) > TRAVEL_THRESHOLD {
-            back[i] = to[i] + end * end / (4.0 * bend[i]);
-        }
-    }
-    (back != *from).then_some(back)
 }
 
 /// Travel after a step, rad, from the travel `held` before it; `width` is the presliding angle, rad.

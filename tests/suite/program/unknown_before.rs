@@ -166,20 +166,3 @@ fn a_payload_of_urscript_is_set_in_parts() {
     let tool = program.tools[usize::from(program.targets[0].tool)].data.unwrap();
     assert_eq!((tool.mass_kg, tool.cog_mm), (9.0, [0.0, 0.0, 70.0]));
 }
-
-/// On a line across the front of the arm, axis 2 turns back in the middle: at the end it has the direction in which it arrives.
-#[test]
-fn lost_motion_has_the_direction_in_which_a_joint_arrives() {
-    let arm = CELL.replace("frame = \"feed\"", "frame = \"wobj\"");
-    for presliding in ["", "presliding_rad = 1e-5\n"] {
-        let backlash = "[[effect]]\nkind = \"backlash\"\nhalf_gap_rad = [0, 1e-4, 0, 0, 0, 0]\n";
-        let cell = cell(&(arm.clone() + backlash + presliding));
-        let y = |y: f64| [0.0, 250.0 + y, 0.0];
-        let rows = rows(&lines(&[y(-310.0), y(-300.0), y(290.0), y(300.0)]), &cell);
-        let upwards = |i: usize| rows[i].correction_mm[2];
-        assert!((upwards(2) - upwards(3)).abs() < 0.01, "{rows:?}");
-        assert!((upwards(1) - upwards(2)).abs() > 0.05, "{rows:?}");
-        // The corrected program is judged by the same rule on its own paths.
-        assert!(rows[2].remaining_mm.iter().all(|left| left.abs() < 1e-3), "{rows:?}");
-    }
-}

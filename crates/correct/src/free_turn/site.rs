@@ -90,7 +90,6 @@ impl Site {
             reference: self.wobj_from_tcp,
             motor: self.motor,
             travel: Joints::from_fn(|axis, _| f64::from(self.travel[axis])),
-            bend: None,
             normal: self.normal,
             velocity: self.velocity,
             cut_length: self.cut_length,
