@@ -25,16 +25,17 @@ const STEP: f64 = 0.05;
 /// Log evidence of columns under one shape of the noise, nats, and the σ that maximises it, mm. The search begins at
 /// `guess` if there is one.
 pub(super) fn profiled(moments: &Moments, columns: &Columns, guess: Option<f64>) -> (f64, f64) {
-    let mut profile = Profile::new(Columns::default());
-    let (_, sigma) = profile.evidence_with(moments, columns, guess);
+    let (shared, none) = (Columns::default(), Factor::default());
+    let (evidence, block) = (LogEvidence::new(moments, &shared, columns), ColumnBlock::new(moments, &shared, columns));
+    let sigma = match Maximum::of(&mut Factors::new(), &evidence, &block, guess) {
+        Ok(maximum) => maximum.sigma(),
+        Err(sigma) => sigma,
+    };
     // No other set shares this factor, so a factor at σ itself costs no more than one at a node and needs no
     // interpolation.
-    let block = ColumnBlock::new(moments, &profile.columns, columns);
-    let none = Factor::default();
     let Some(factor) = none.extended(&block, sigma.powi(-2)) else { return (f64::NEG_INFINITY, sigma) };
-    let evidence = LogEvidence::new(moments, &profile.columns, columns);
     let value = evidence.value(sigma.ln(), evidence.explained(factor.square(), sigma), factor.half_log_det);
-    (value + evidence_of_bounds(&none, &profile.columns, &factor, columns), sigma)
+    (value + evidence_of_bounds(&none, &shared, &factor, columns), sigma)
 }
 
 /// Evidence of sets that share their first columns, under one shape of the noise.
@@ -76,21 +77,51 @@ impl Profile {
     /// Log evidence of the shared columns together with `more`, nats, and the σ that maximises it, mm. Every call must
     /// have the same moments, because the factors of the shared columns are kept.
     pub(super) fn evidence_with(&mut self, moments: &Moments, more: &Columns, guess: Option<f64>) -> (f64, f64) {
+        let Self { columns, factors } = self;
+        let (evidence, block) = (LogEvidence::new(moments, columns, more), ColumnBlock::new(moments, columns, more));
+        let maximum = match Maximum::of(factors, &evidence, &block, guess) {
+            Ok(maximum) => maximum,
+            Err(sigma) => return (f64::NEG_INFINITY, sigma),
+        };
+        let bounds = |node: &i32, terms: &NodeTerms| {
+            let factor = factors.get(node).and_then(Option::as_ref);
+            factor.map_or(0.0, |factor| evidence_of_bounds(factor, columns, &terms.factor, more))
+        };
+        let of_bounds = maximum.between.as_ref().map_or(0.0, |[(low, below), (high, above)]| {
+            let (below, above) = (bounds(low, below), bounds(high, above));
+            below + (maximum.at - f64::from(*low)) * (above - below)
+        });
+        (maximum.evidence + of_bounds, maximum.sigma())
+    }
+}
+
+/// The maximum of the evidence over σ, without the bounds of the numbers.
+struct Maximum {
+    /// Its place on the grid, in nodes.
+    at: f64,
+    /// Log evidence there, nats.
+    evidence: f64,
+    /// The nodes between which it is; `None` if it is the value of one node alone.
+    between: Option<[(i32, NodeTerms); 2]>,
+}
+
+impl Maximum {
+    /// The maximum for the columns of a block and those that precede it. An error is the σ, mm, at which their matrix is not positive
+    /// definite.
+    fn of(
+        factors: &mut Factors,
+        log_evidence: &LogEvidence,
+        block: &ColumnBlock,
+        guess: Option<f64>,
+    ) -> Result<Self, f64> {
         /// Largest number of steps to the maximum. It can be far from the residual's σ where the declared σ contradicts
         /// the data.
         const STEPS: usize = 200;
-        let Self { columns, factors } = self;
-        let columns = &*columns;
-        let log_evidence = LogEvidence::new(moments, columns, more);
-        let block = ColumnBlock::new(moments, columns, more);
         let mut nodes: BTreeMap<i32, Option<NodeTerms>> = BTreeMap::new();
         let least = node_of(LEAST_SIGMA);
-        let mut node = match settled_node(factors, &log_evidence, &block, &mut nodes, guess) {
-            Ok(node) => node,
-            Err(node) => return (f64::NEG_INFINITY, sigma_of(node)),
-        };
+        let mut node = settled_node(factors, log_evidence, block, &mut nodes, guess).map_err(sigma_of)?;
         let mut value = |node: i32| {
-            let terms = nodes.entry(node).or_insert_with(|| node_terms(factors, &log_evidence, &block, node));
+            let terms = nodes.entry(node).or_insert_with(|| node_terms(factors, log_evidence, block, node));
             let of =
                 |terms: &NodeTerms| log_evidence.value(f64::from(node) * STEP, terms.explained, terms.half_log_det);
             terms.as_ref().map_or(f64::NEG_INFINITY, of)
@@ -106,21 +137,29 @@ impl Profile {
             }
         }
         let here = value(node);
-        let around = [node - 1, node, node + 1].map(|node| nodes.get(&node).and_then(Option::as_ref));
-        let [Some(left), Some(middle), Some(right)] = around else { return (here, sigma_of(node)) };
-        let explained = Parabola::through([left, middle, right].map(|node| node.explained));
-        let half_log_det = Parabola::through([left, middle, right].map(|node| node.half_log_det));
-        let at = log_evidence.maximum(node, &explained, &half_log_det);
-        let log_sigma = (f64::from(node) + at) * STEP;
-        let evidence = log_evidence.value(log_sigma, explained.value(at), half_log_det.value(at));
-        let (from, low, high) = if at < 0.0 { (node - 1, left, middle) } else { (node, middle, right) };
-        let bounds = |node: i32, terms: &NodeTerms| {
-            let factor = factors.get(&node).and_then(Option::as_ref);
-            factor.map_or(0.0, |factor| evidence_of_bounds(factor, columns, &terms.factor, more))
+        let [Some(left), Some(middle), Some(right)] =
+            [node - 1, node, node + 1].map(|node| nodes.remove(&node).flatten())
+        else {
+            // Next to a node of a matrix that rounding makes indefinite, nothing can be interpolated.
+            return if here.is_finite() {
+                Ok(Self { at: f64::from(node), evidence: here, between: None })
+            } else {
+                Err(sigma_of(node))
+            };
         };
-        let (low, high) = (bounds(from, low), bounds(from + 1, high));
-        let share = f64::from(node - from) + at;
-        (evidence + low + share * (high - low), log_sigma.exp().max(LEAST_SIGMA))
+        let around = [left, middle, right];
+        let explained = Parabola::through(around.each_ref().map(|node| node.explained));
+        let half_log_det = Parabola::through(around.each_ref().map(|node| node.half_log_det));
+        let off = log_evidence.maximum(node, &explained, &half_log_det);
+        let at = f64::from(node) + off;
+        let evidence = log_evidence.value(at * STEP, explained.value(off), half_log_det.value(off));
+        let [left, middle, right] = around;
+        let between = if off < 0.0 { [(node - 1, left), (node, middle)] } else { [(node, middle), (node + 1, right)] };
+        Ok(Self { at, evidence, between: Some(between) })
+    }
+
+    fn sigma(&self) -> f64 {
+        (self.at * STEP).exp().max(LEAST_SIGMA)
     }
 }
 
