@@ -70,7 +70,7 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
     if problem.is_of_robot() && !arm.effects.iter().any(|effect| is_curve(effect.as_ref())) {
         found.extend(curves(&survey));
     }
-    found.extend(faults(&survey, problem));
+    found.extend(faults(problem));
     if never_returns(problem) {
         found.iter_mut().filter(|candidate| candidate.has_time_constant()).for_each(|candidate| {
             // If the arm never returns, all functions of time look alike, and they are one family with the drift.
@@ -239,8 +239,8 @@ fn clamps(problem: &Problem) -> usize {
     problem.rows.iter().map(of_row).max().unwrap_or(0)
 }
 
-/// Clampings and faults that the rows can show; none over the whole robot.
-pub(super) fn faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
+/// Clampings and faults that the rows can show, except those of the forces; none over the whole robot.
+pub(super) fn faults(problem: &Problem) -> Vec<Candidate> {
     if problem.is_of_robot() {
         return Vec::new();
     }
@@ -259,18 +259,23 @@ pub(super) fn faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
         let count = problem.rows.iter().filter(|row| row.run == run).count();
         all.extend((0..JUMPS).flat_map(|at| jumps(problem, run, at * count / JUMPS)));
     }
+    all
+}
+
+/// Faults of the forces that the rows can show.
+pub(super) fn force_faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
     // Forces that follow from a law or a stock are no readings.
     let read = |row: &Observation| {
         let run = &problem.runs[row.run];
         !run.follows_stock() && matches!(run.situation(row.point).cutting, Cutting::Constant(_))
     };
-    if survey.has_force && survey.stiffness_declared && problem.rows.iter().any(read) {
-        let count = MIXED.len() as f64;
-        all.extend((0..MIXED.len()).map(|which| of_pattern(Pattern::MixedForce(which), problem, count)));
-        all.push(of_pattern(Pattern::Crosstalk, problem, 1.0));
-        all.extend([1, -1].map(|by| of_pattern(Pattern::LateForce(by), problem, 2.0)));
+    if !survey.has_force || !survey.stiffness_declared || !problem.rows.iter().any(read) {
+        return Vec::new();
     }
-    all
+    let count = MIXED.len() as f64;
+    let mixed = (0..MIXED.len()).map(|which| of_pattern(Pattern::MixedForce(which), problem, count));
+    let late = [1, -1].map(|by| of_pattern(Pattern::LateForce(by), problem, 2.0));
+    mixed.chain([of_pattern(Pattern::Crosstalk, problem, 1.0)]).chain(late).collect()
 }
 
 /// Patterns of effects in no list that the rows can show.

@@ -34,9 +34,10 @@ pub(super) const FLEXIBLE: f64 = 10.0;
 /// called unexplained.
 pub(super) const UNLISTED: f64 = 13.0;
 
-/// Share of what the other members explain that a further explanation must explain in addition; less is an imperfection
-/// of the others. It applies to a second law of a spring, to a fault of the table in addition to the model of the whole
-/// arm, and to a map at places near which no row was fitted.
+/// Share by which a further explanation must improve on the others; less is an imperfection of the others. It is the
+/// share of what they explain for a second law of a spring and for a map at places near which no row was fitted, and the
+/// share of what they leave of the mean square error on unseen rows for a fault of the table in addition to the final
+/// model.
 ///
 /// Of 48 cells with springs of other laws (quadratic, tanh, three slopes) none gets two laws; of five cells with both
 /// laws three do. The share of a map is below 0.02 on three cells with a faint drag or a warming hall, where the map

@@ -26,6 +26,7 @@ mod differences;
 mod engine;
 mod explain;
 mod factor;
+mod faults;
 mod fit;
 mod found;
 mod gate;

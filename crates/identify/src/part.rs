@@ -35,18 +35,18 @@ impl Engine {
         self.choose_presliding();
         let BestSet { mut posteriors, ranking, whole_arm } = self.best_set(cell, progress)?;
         reached(progress, CHOSEN)?;
-        if let Some(members) = whole_arm.or_else(|| self.whole_arm_instead_of_fault()) {
+        if let Some(members) = whole_arm.or_else(|| self.whole_arm_for_unlisted()) {
             posteriors = self.take_whole_arm(&members);
         } else {
             self.prune();
             posteriors.retain(|(c, _)| self.chosen.contains(c));
             self.contest(&mut posteriors);
-            if !self.forces_are_wrong() {
-                self.withdraw_faint(&mut posteriors);
-            }
+            self.add_fault();
         }
         if self.forces_are_wrong() {
             self.withdraw_all(&mut posteriors);
+        } else if !self.is_whole_arm() {
+            self.withdraw_faint(&mut posteriors);
         }
         Ok(Model { posteriors, ranking })
     }
@@ -137,19 +137,14 @@ impl Engine {
         Ok(best)
     }
 
-    /// The members of the model of the whole arm, if the set leaves an error that no effect explains, or if this model
-    /// explains the rows better than a fault of the forces does.
-    fn whole_arm_instead_of_fault(&mut self) -> Option<Members> {
-        if !self.is_unlisted() && !self.forces_are_wrong() {
+    /// The members of the model of the whole arm, if the set leaves an error that no effect explains.
+    fn whole_arm_for_unlisted(&mut self) -> Option<Members> {
+        if !self.is_unlisted() {
             return None;
         }
         let all: Vec<usize> = (0..self.candidates.len()).collect();
         let now = self.linearise(&all, &[noise::Shape { field: None, ..self.shape }]);
         let search = Search::new(&self.candidates, &now.moments, &now.always);
-        let members = self.members_of_whole_arm(&search, &self.chosen);
-        let value = search.objective(&self.chosen);
-        // The forces of the table are wrong only if no model of the arm explains the rows as well.
-        let explains_more = self.is_unlisted() || self.whole_arm_evidence(&members) > value;
-        explains_more.then_some(members)
+        Some(self.members_of_whole_arm(&search, &self.chosen))
     }
 }

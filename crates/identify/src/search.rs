@@ -5,7 +5,7 @@
 //! swaps and removes members, beginning with a given set and with the best pairs. A kind that replaces a member with
 //! nearly the same evidence is a rival, from which the rows cannot distinguish it.
 
-use super::candidate::{Candidate, Home, SPRING};
+use super::candidate::{Candidate, SPRING};
 use super::columns::Columns;
 use super::decisions::{FLEXIBLE, MOVED, PRICE, UNLISTED, caution};
 use super::moments::Moments;
@@ -284,8 +284,8 @@ impl<'a> Search<'a> {
     }
 
     /// The best variant of each kind of effect, with the set of it, the members of `set` and one fault of the
-    /// measurement. The faults are in turn the best of each kind that is not a fault of the force, so that every kind
-    /// is compared together with the fault that suits it.
+    /// measurement. The faults are in turn the best of each kind, so that every kind is compared together with the
+    /// fault that suits it.
     fn with_faults(&self, set: &[usize], allowed: &dyn Fn(usize) -> bool) -> Vec<(usize, Vec<usize>)> {
         let best_of_each = |wanted: &dyn Fn(&Candidate) -> bool| {
             let mut best: BTreeMap<&str, (f64, usize)> = BTreeMap::new();
@@ -300,10 +300,7 @@ impl<'a> Search<'a> {
             }
             best.into_values().map(|(_, c)| c).collect::<Vec<_>>()
         };
-        let is_fault = |candidate: &Candidate| match candidate.home {
-            Home::Pattern(pattern) => pattern.standing() == Standing::Fault && !pattern.is_of_force(),
-            Home::Declared(_) | Home::New(_) => false,
-        };
+        let is_fault = |candidate: &Candidate| candidate.standing() == Some(Standing::Fault);
         let (kinds, faults) = (best_of_each(&|candidate| !candidate.is_pattern()), best_of_each(&is_fault));
         let with = |f: usize| kinds.iter().map(move |&c| (c, [set, &[f, c]].concat())).collect::<Vec<_>>();
         faults.into_iter().flat_map(with).collect()

@@ -21,7 +21,7 @@ pub(super) struct LeftOut {
     /// Residual of the declared cell, mm, without clampings, frames and faults of the measurement.
     declared: DVector<f64>,
     /// Residual of the extended cell, mm, without the same.
-    extended: DVector<f64>,
+    pub(super) extended: DVector<f64>,
     /// Variance of the residual of all columns, relative to the variance that the fits predict.
     wider: f64,
 }
@@ -69,7 +69,7 @@ impl Engine {
     }
 
     /// The residuals of the fitted rows by the columns of a set, each fitted without the group of the row.
-    fn left_out(&self, linear: &Linearised, columns: &Columns, leaving_out: LeavingOut) -> LeftOut {
+    pub(super) fn left_out(&self, linear: &Linearised, columns: &Columns, leaving_out: LeavingOut) -> LeftOut {
         let groups = self.groups(leaving_out);
         let kept = linear.design.kept().select_columns(columns.list.iter().map(|column| &column.0));
         let (stacked, local) = (stacked(&kept, &linear.data), columns.numbered());

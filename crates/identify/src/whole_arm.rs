@@ -15,7 +15,7 @@
 
 use super::candidate::Candidate;
 use super::columns::Columns;
-use super::decisions::{MATERIAL, caution};
+use super::decisions::caution;
 use super::engine::{Engine, stacked};
 use super::found::{Members, Posterior};
 use super::moments::Moments;
@@ -207,11 +207,6 @@ impl Engine {
         best
     }
 
-    /// The evidence of the model of the whole arm about the present fit, nats, less the prices of its members.
-    pub(super) fn whole_arm_evidence(&mut self, members: &Members) -> f64 {
-        self.sizes(members).map_or(f64::NEG_INFINITY, |sizes| sizes.evidence)
-    }
-
     /// Standard deviations of place, mm, posture, rad, and force, N, over the fitted rows.
     pub(super) fn spreads(&self) -> [f64; noise::OVER.len()] {
         let places: Vec<noise::Places> =
@@ -231,43 +226,12 @@ impl Engine {
         let Some(sizes) = self.sizes(members) else { return Vec::new() };
         (self.shape, self.sigma) = (sizes.shape, sizes.sigma);
         self.candidates = self.shrunk(members, sizes.shares);
-        let mut all = members.all();
-        self.choose(all.clone());
-        if let Some(fault) = self.fault_beyond(&all) {
-            all.push(fault);
-            self.choose(all);
-        }
+        self.choose(members.all());
+        self.add_fault();
         if self.mark_outliers() > 0 {
             self.refit();
         }
         self.probabilities()
-    }
-
-    /// The fault of the table that explains a material part of the rows in addition to the members, if there is one.
-    fn fault_beyond(&mut self, members: &[usize]) -> Option<usize> {
-        let is_fault = |c: &usize| self.candidates[*c].standing() == Some(Standing::Fault);
-        let faults: Vec<usize> = (0..self.candidates.len()).filter(is_fault).collect();
-        let linear = self.linearise(&[members, &faults].concat(), &[self.shape]);
-        let search = Search::new(&self.candidates, &linear.moments, &linear.always);
-        let evidence = |set: &[usize]| search.near(set, Some(self.sigma)).evidence;
-        let (value, none) = (evidence(members), evidence(&[]));
-        let gain = |&c: &usize| (evidence(&[members, &[c]].concat()) - value - search.price(c), c);
-        let best = faults.iter().map(gain).max_by(|a, b| a.0.total_cmp(&b.0));
-        // If the fitted factor of the force is at its smallest or largest value, the forces that were read cannot be
-        // those that acted. A fault of the forces then needs to gain only its price.
-        let scaled_away =
-            |gain: f64, fault: usize| gain > 0.0 && self.is_of_force(fault) && self.force_is_scaled_away();
-        best.filter(|&(gain, c)| gain > MATERIAL * (value - none) || scaled_away(gain, c)).map(|(_, c)| c)
-    }
-
-    /// Whether the fitted factor of the cutting force is at one of its bounds.
-    fn force_is_scaled_away(&self) -> bool {
-        let at_end = |candidate: &Candidate| {
-            // A fitted value reaches its bound except for rounding.
-            let ends = |(value, (low, high)): (&f64, &(f64, f64))| *value < low * 1.001 || *value > high / 1.001;
-            candidate.kind == "force_scale" && candidate.values.iter().zip(&candidate.bounds).any(ends)
-        };
-        self.chosen.iter().any(|&c| at_end(&self.candidates[c]))
     }
 
     /// The probability that each effect of the model acts, computed against the model without it, in which all others
