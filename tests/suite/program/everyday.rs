@@ -181,3 +181,36 @@ fn an_analog_input_changes_its_variable_alone() {
     assert_eq!(krl("ANIN ON rH = 0.5 * siH + 2.0"), [1.0, 3.0]);
     assert_eq!(krl("ANIN ON rH = 0.5 * $ANIN[1]"), [1.0, 3.0]);
 }
+
+/// FANUC: `OVERRIDE` scales every speed after it.
+#[test]
+fn the_override_scales_the_feed() {
+    let feeds = |first: &str| {
+        let text = format!(
+            "/PROG M\n/MN\n1:R[2]=20 ;\n2:{first} ;\n3:L P[1] 10mm/sec FINE ;\n4:L P[1] R[2]mm/sec FINE ;\n/POS\nP[1]{{ GP1: UF : 1, UT : 1, CONFIG : 'N U T, 0, 0, 0', X = 10.000 mm, Y = 0.000 mm, Z = 0.000 mm, W = 0.000 deg, P = 0.000 deg, R = 0.000 deg }};\n/END\n"
+        );
+        let program = tp::read(vec![Source::new("m.ls", text)], Vec::new()).unwrap();
+        program.targets.iter().map(|target| target.feed_mm_s).collect::<Vec<_>>()
+    };
+    assert_eq!(feeds("! none"), [Some(10.0), Some(20.0)]);
+    assert_eq!(feeds("OVERRIDE=50%"), [Some(5.0), Some(10.0)]);
+    assert_eq!(feeds("OVERRIDE=R[2]"), [Some(2.0), Some(4.0)]);
+    // Known only at run time.
+    for unknown in ["OVERRIDE=R[3]", "IF DI[1]=ON,OVERRIDE=50%", "$MCR.$GENOVERRIDE=50"] {
+        assert_eq!(feeds(unknown), [None, None], "{unknown}");
+    }
+}
+
+/// Yaskawa: a parameter of the controller sets the unit of `V`.
+#[test]
+fn the_cell_states_the_unit_of_speeds_in_inform() {
+    let text = "/JOB\n//NAME M\n//POS\n///NPOS 1,0,0,0,0,0\n///TOOL 1\n///POSTYPE USER\n///USER 1\n///RECTAN\n///RCONF 0,0,0,0,0,0,0,0\nC00000=10.000,0.000,0.000,0.0000,0.0000,0.0000\n//INST\n///DATE 2024/01/01 00:00\n///ATTR SC,RW,RJ\n////FRAME USER 1\n///GROUP1 RB1\nNOP\nSET I000 300\nMOVL C00000 V=60.0\nMOVL C00000 V=I000\nEND\n";
+    let feeds = |unit: jbi::SpeedUnit| {
+        let mut program = jbi::read(vec![Source::new("m.jbi", text)], Vec::new()).unwrap();
+        jbi::take_speeds_in(&mut program, unit);
+        program.targets.iter().map(|target| target.feed_mm_s).collect::<Vec<_>>()
+    };
+    assert_eq!(feeds(jbi::SpeedUnit::MillimetresPerSecond), [Some(60.0), Some(30.0)]);
+    assert_eq!(feeds(jbi::SpeedUnit::CentimetresPerMinute), [Some(10.0), None]);
+    assert_eq!(feeds(jbi::SpeedUnit::InchesPerMinute), [Some(25.4), None]);
+}
