@@ -52,12 +52,14 @@ class Summary(Record):
     corrected: int
     unchanged: int
     air: int
+    along: int
     inserted: int
     kept: list[Record]
     unjudged: list[Record]
     max_error_mm: float
     rms_error_mm: float
     max_correction_mm: float
+    max_along_mm: float
     max_remaining_mm: float
     max_kept_mm: float
     remaining_path_max_mm: float

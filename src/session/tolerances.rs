@@ -99,6 +99,8 @@ impl Tolerances {
             let most = self.max_path_error.unwrap_or(self.max_error);
             if !row.is_solved() {
                 findings.push(place.unjudged(row));
+            } else if row.is_through_air {
+                // Only the jump counts where the cut ends.
             } else if row.error_norm_mm() > self.max_error {
                 findings.push(place.error(row, self.max_error));
             } else if path.way_mm > most {

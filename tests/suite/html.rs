@@ -26,6 +26,8 @@ fn row(i: usize) -> Row {
         error_normal_mm: 0.1 * wave(1.4),
         correction_mm: [-0.1 * wave(1.0), 0.2 * wave(1.3), -0.05 * wave(2.0)],
         correction_deg: [0.0, -0.0, 1e-9],
+        goes_along: false,
+        is_through_air: false,
         remaining_mm: [1e-4 * wave(3.0), 1e-5 * wave(5.0), -1e-7],
         force_n: [100.0 * wave(1.0), -55.5, 1_234.567_8],
         sigma_mm: Some(0.01 * wave(7.0).abs()),

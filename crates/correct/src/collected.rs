@@ -4,6 +4,7 @@ use super::context::Context;
 use super::corrected::Corrected;
 use super::correction::Correction;
 use super::deviation::Commanded;
+use super::laws::Laws;
 use super::refusal::Refusal;
 use super::row::{Row, RowNames, Status};
 use super::{PathDeviation, Prepared, spin};
@@ -80,6 +81,8 @@ impl<'a> Collected<'a> {
         let normal = point.normal_error(&self.prepared.shared.laws, &uncorrected.shift, &uncorrected.axis);
         row.fill(target, point, uncorrected, normal);
         row.names = Some(names);
+        let moved = (point.wobj_from_tcp.translation.vector - point.reference.translation.vector).norm();
+        row.is_through_air = Laws::is_through_air(cell, target) && moved <= cell.limits.max_correction;
         row.spin_deg = self.prepared.turns_are_chosen.then(|| spin::turn_of(&point.wobj_from_tcp).to_degrees());
         row.joints_deg = Some(cell.arm.robot.axes_deg_from_motor(&commanded.steps[i].motor));
         if let (Some(correction), Ok(landed)) = (correction, landed) {
@@ -89,6 +92,10 @@ impl<'a> Collected<'a> {
                 (None, Ok(reached)) if correction.is_changed[i] => {
                     row.correction_mm = (1e3 * correction.shift(self.prepared, i)).into();
                     row.correction_deg = reached.turn.map(f64::to_degrees).into();
+                    row.goes_along = correction.goes_along(i);
+                    if row.goes_along {
+                        row.status = Status::Air;
+                    }
                 }
                 (None, _) => {}
             }

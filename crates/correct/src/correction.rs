@@ -3,15 +3,18 @@
 use super::context::Context;
 use super::corrected::Posted;
 use super::deviation::{self, Commanded};
-use super::flow::Unsolved;
+use super::flow::{StreamError, Unsolved};
 use super::inserted::Stops;
+use super::laws::Laws;
 use super::ordered::{Ordered, Turn};
 use super::point::Point;
 use super::segment::Start;
 use super::solve::{self, CorrectionMode, First, Last, Reached, Solved, Solver};
 use super::{KeptReason, Prepared, frames, segment, subdivide};
 use deflex_equilibrium::{Dragged, EquilibriumError, InverseSolution, WarmStart};
-use deflex_program::{Change, Conf, Editable, Goal, Insert, Program, Reason, RewriteOptions, Rewritten, Target};
+use deflex_program::{
+    Change, Conf, Editable, Goal, Insert, Motion, Program, Reason, RewriteOptions, Rewritten, Target,
+};
 use deflex_robot::{
     AxisName, EXTERNAL_AXES, External, Joints, Unreachable, conf_is, conf_like, confdata_of, turn_between,
 };
@@ -100,6 +103,15 @@ pub(super) fn solve(
         before.push((via, point, std::mem::replace(&mut solved[via], Ok(command))));
     }
     let is_edited = program.language.is_edited();
+    // Which targets may go along with the numbers of others.
+    let is_air = |(target, point): (&Target, &Point)| {
+        let touches = point.milled.as_ref().is_some_and(|milled| milled.removed > 0.0);
+        !Laws::cuts(cell, target) && point.unsolved.is_none() && !touches && !prepared.turns_are_chosen
+    };
+    let mut air: Vec<bool> = match is_edited {
+        true => program.targets.iter().zip(&prepared.points).map(is_air).collect(),
+        false => Vec::new(),
+    };
     let mut not_inserted: Vec<(usize, Reason)> = Vec::new();
     let (changes, inserts, mut rewritten) = loop {
         let inserts = subdivide::inserts(program, cell, prepared, &nodes);
@@ -108,9 +120,21 @@ pub(super) fn solve(
         };
         let changes: Vec<Option<Change>> = solved.iter().enumerate().map(changed).collect();
         let rewritten = is_edited.then(|| {
-            let rewrite = RewriteOptions { allow_clones: options.allow_clones, ..RewriteOptions::default() };
+            let rewrite = RewriteOptions { allow_clones: options.allow_clones, air: &air, ..RewriteOptions::default() };
             program.rewrite(&changes, &inserts, &rewrite)
         });
+        if let Some(Rewritten { along, written, .. }) = &rewritten {
+            let strays: Vec<usize> =
+                along.iter().copied().filter(|&i| !may_go(context, prepared, i, &written[i])).collect();
+            // The numbers of a program in chunks are settled already.
+            if context.chunk.is_some() && !strays.is_empty() {
+                return Err(Unsolved::Failed(StreamError::NotStreamable));
+            }
+            if !strays.is_empty() {
+                strays.into_iter().for_each(|i| air[i] = false);
+                continue;
+            }
+        }
         // An arc of which a point cannot be written is not divided: its circle point stays at its place on the whole arc.
         let is_whole = |via: usize| rewritten.as_ref().is_some_and(|rewritten| rewritten.misses_part_of_arc(via));
         let (whole, divided) = before.into_iter().partition(|(via, ..)| is_whole(*via));
@@ -144,7 +168,8 @@ pub(super) fn solve(
         Some(rewritten) => rewritten.inserted[k],
         None => Some(solve::as_posted(&frames::pose(inserts[k].position_mm, inserts[k].quat), options.post)),
     });
-    let is_commanded: Vec<bool> = changes.iter().map(|change| change.is_some() || !is_edited).collect();
+    let mut is_commanded: Vec<bool> = changes.iter().map(|change| change.is_some() || !is_edited).collect();
+    rewritten.iter().flat_map(|rewritten| &rewritten.along).for_each(|i| is_commanded[*i] = true);
     let is_changed = |i: usize| is_commanded[i] || turns_along(program, i, &written[i]);
     let is_changed: Vec<bool> = (0..written.len()).map(is_changed).collect();
 
@@ -235,12 +260,20 @@ impl Correction {
     /// Why the numbers of target `i` must not or could not be changed.
     pub(super) fn kept(&self, program: &Program, i: usize) -> Option<KeptReason> {
         let kept = self.rewritten.as_ref().map_or(&[][..], |rewritten| &rewritten.kept);
+        if self.goes_along(i) {
+            return None;
+        }
         let unwritten = kept.binary_search_by_key(&i, |(target, _)| *target).ok().map(|at| kept[at].1);
         let reason = unwritten.or(match program.targets[i].editable {
             Editable::No(reason) => Some(reason),
             _ => None,
         });
         reason.map(KeptReason::from)
+    }
+
+    /// Whether target `i` cuts nothing and goes along with the numbers that it shares with a motion that cuts.
+    pub(super) fn goes_along(&self, i: usize) -> bool {
+        self.rewritten.as_ref().is_some_and(|rewritten| rewritten.along.binary_search(&i).is_ok())
     }
 
     /// Commanded minus programmed position of target `i`, work object axes, m.
@@ -333,6 +366,24 @@ fn change(
     let was = target.conf().filter(holds);
     let conf = was.filter(|was| !conf_is(robot, &solved.motor, *was)).map(|was| conf_like(robot, &solved.motor, was));
     Some(Change { position_mm, quat: turned.then_some(quat), conf, external })
+}
+
+/// Whether a target that cuts nothing may go to this pose, where the numbers that it shares lead it: it is in reach and no farther away than a
+/// correction may be, and a joint motion arrives in the posture that its text states.
+fn may_go(
+    Context { program, cell, .. }: Context<'_>,
+    prepared: &Prepared,
+    i: usize,
+    written: &([f64; 3], [f64; 4]),
+) -> bool {
+    let (target, point, robot) = (&program.targets[i], &prepared.points[i], &cell.arm.robot);
+    let distance = Vector3::from(written.0) * 1e-3 - point.wobj_from_tcp.translation.vector;
+    let Ok(motor) = solve::controller_joints(&cell.arm, prepared.setting(i), written, &point.motor) else {
+        return false;
+    };
+    let goes_by = |conf: &Conf| matches!(conf, Conf::Status(_)) || conf_is(robot, &point.motor, *conf);
+    let conf = target.conf().filter(|conf| target.motion == Motion::Joint && goes_by(conf));
+    distance.norm() <= cell.limits.max_correction && conf.is_none_or(|conf| conf_is(robot, &motor, conf))
 }
 
 /// Positions of external axes as written, if they were chosen and differ from the program's.

@@ -162,7 +162,7 @@ impl<'a> Laws<'a> {
         wobj_from_tcp: &Pose,
         has_table: bool,
     ) -> Result<PointLoad, Refusal> {
-        if !self.cuts(target) {
+        if !Self::cuts(self.cell, target) {
             return Ok(PointLoad::Air);
         }
         let constant = |force, follows| PointLoad::Constant { force, follows };
@@ -219,7 +219,7 @@ impl<'a> Laws<'a> {
         }
         let name = &self.tools[tool].0;
         let Some(cutter) = self.cell.cutter(name) else { return Ok(None) };
-        let cuts = self.cuts(target);
+        let cuts = Self::cuts(self.cell, target);
         let feed_per_tooth = if cuts && !has_table && self.follows_stock(tool) {
             Some(self.feed_per_tooth(target, tool)?)
         } else {
@@ -265,14 +265,14 @@ impl<'a> Laws<'a> {
 
     /// Whether a motion may cut the material through which a tool moves.
     pub(super) fn may_cut(&self, target: &Target, tool: usize) -> bool {
-        self.cuts(target) && self.cell.cutter(&self.tools[tool].0).is_some()
+        Self::cuts(self.cell, target) && self.cell.cutter(&self.tools[tool].0).is_some()
     }
 
     /// Whether the force at a target depends on the direction of its segment.
     pub(super) fn follows_the_way(&self, target: &Target, has_table: bool) -> bool {
         let force = self.cell.cut.as_ref().map(|cut| &cut.force);
         let follows = matches!(force, Some(CutForce::Mechanistic | CutForce::Constant { frame: ForceFrame::Feed, .. }));
-        follows && !has_table && self.cuts(target)
+        follows && !has_table && Self::cuts(self.cell, target)
     }
 
     /// Whether the force of a motion is given in axes that depend on the feed direction.
@@ -285,7 +285,8 @@ impl<'a> Laws<'a> {
         let milling = self.tools[tool].1.milling.as_ref();
         let is_computed = self.cell.cut.as_ref().is_some_and(|cut| cut.force == CutForce::Mechanistic)
             && milling.is_some_and(|milling| milling.feed_per_tooth.is_none());
-        is_computed && target.feed_mm_s.is_none() && self.cuts(target) || Self::lacks_speed(self.cell, target)
+        is_computed && target.feed_mm_s.is_none() && Self::cuts(self.cell, target)
+            || Self::lacks_speed(self.cell, target)
     }
 
     /// Whether the speed decides if a motion cuts, and the program does not state it.
@@ -295,13 +296,18 @@ impl<'a> Laws<'a> {
         limited && may_cut && target.mark.is_none() && target.feed_mm_s.is_none()
     }
 
+    /// Whether a motion cuts nothing in a cell with a cutting force.
+    pub(super) fn is_through_air(cell: &Cell, target: &Target) -> bool {
+        cell.cut.as_ref().is_some_and(|cut| cut.force != CutForce::None) && !Self::cuts(cell, target)
+    }
+
     /// Whether a motion cuts. Rapid travel, joint motions and motions above a feed limit do not, unless a mark says so.
-    fn cuts(&self, target: &Target) -> bool {
+    pub(super) fn cuts(cell: &Cell, target: &Target) -> bool {
         match target.mark {
             Some(Mark::Air) => false,
             Some(Mark::Cut) => true,
             None => {
-                let limit = self.cell.cut.as_ref().and_then(|cut| cut.max_cutting_feed);
+                let limit = cell.cut.as_ref().and_then(|cut| cut.max_cutting_feed);
                 let fast = limit.is_some_and(|limit| target.feed_mm_s.is_none_or(|feed| 1e-3 * feed > limit));
                 !target.rapid && !matches!(target.motion, Motion::Joint | Motion::AbsoluteJoint) && !fast
             }

@@ -84,6 +84,11 @@ pub struct Row {
     pub correction_mm: [f64; 3],
     /// Its rotation vector, degrees.
     pub correction_deg: [f64; 3],
+    /// Whether the target cuts nothing and changes with the numbers that it shares with a motion that cuts.
+    pub goes_along: bool,
+    /// Whether the motion cuts nothing in a cell with a cutting force, and is no farther from its original than a correction may be. Its error
+    /// leaves no mark on the part.
+    pub is_through_air: bool,
     /// Error that remains, predicted from the numbers as written by the forward model, work object axes, mm.
     pub remaining_mm: [f64; 3],
     /// Force on the tool, work object axes, N.
@@ -302,8 +307,10 @@ pub struct Summary {
     pub corrected: usize,
     /// Targets that cut, may change, and whose numbers did not change; in a prediction, all that cut.
     pub unchanged: usize,
-    /// Targets without cutting force whose numbers did not change.
+    /// Targets without cutting force whose numbers did not change, or changed with the numbers of others.
     pub air: usize,
+    /// Those of `air` that share numbers with motions that cut, and go where these numbers lead them.
+    pub along: usize,
     /// Targets that `--subdivide` inserted.
     pub inserted: usize,
     /// Kept targets by reason, in the order of first occurrence.
@@ -316,6 +323,8 @@ pub struct Summary {
     pub rms_error_mm: f64,
     /// Largest correction, mm.
     pub max_correction_mm: f64,
+    /// Largest distance to which `along` targets go from their programmed positions, mm.
+    pub max_along_mm: f64,
     /// Largest remaining error of a target that cuts and is not kept, mm.
     pub max_remaining_mm: f64,
     /// Largest error of a kept target, which remains, mm.
@@ -394,6 +403,7 @@ pub(super) struct Tally {
 struct Most {
     error: f64,
     correction: f64,
+    along: f64,
     remaining: f64,
     kept: f64,
 }
@@ -446,6 +456,10 @@ impl Tally {
                     self.cutting.add(error);
                     *(if row.is_corrected() { &mut sum.corrected } else { &mut sum.unchanged }) += 1;
                 }
+                Status::Air if row.goes_along => {
+                    most.along = most.along.max(correction);
+                    (sum.air, sum.along) = (sum.air + 1, sum.along + 1);
+                }
                 Status::Air => *(if row.is_corrected() { &mut sum.corrected } else { &mut sum.air }) += 1,
                 Status::Kept(reason) => {
                     most.kept = most.kept.max(error);
@@ -455,7 +469,9 @@ impl Tally {
                     count_in(&mut sum.kept, reason);
                 }
             }
-            most.error = most.error.max(error);
+            if !row.is_through_air {
+                most.error = most.error.max(error);
+            }
             most.correction = most.correction.max(correction);
         }
     }
@@ -473,6 +489,7 @@ impl Tally {
             max_error_mm: self.most.error.sqrt(),
             rms_error_mm: mean.root(),
             max_correction_mm: self.most.correction.sqrt(),
+            max_along_mm: self.most.along.sqrt(),
             max_remaining_mm: self.most.remaining.sqrt(),
             max_kept_mm: self.most.kept.sqrt(),
             remaining_path_max_mm: path.max_mm,

@@ -9,7 +9,7 @@ use std::ops::Range;
 pub(super) struct Wanted<'w> {
     pub(super) changes: &'w [Option<Change>],
     pub(super) inserts: &'w [Insert],
-    pub(super) options: &'w RewriteOptions,
+    pub(super) options: &'w RewriteOptions<'w>,
 }
 
 /// Writes the programs of a language.

@@ -408,20 +408,23 @@ impl Insert {
 /// let options = RewriteOptions { allow_clones: true, ..RewriteOptions::default() };
 /// ```
 #[derive(Clone, Copy, Debug)]
-pub struct RewriteOptions {
+pub struct RewriteOptions<'a> {
     /// Whether a declared target used with different corrections may get a clone of its own.
     pub allow_clones: bool,
     /// Least number of decimals of positions, mm: the number in the file is used if it is larger.
     pub position_decimals: usize,
     /// Least number of decimals of quaternion components.
     pub quat_decimals: usize,
+    /// Which targets cut nothing; those beyond its end count as cutting. A motion that cuts nothing goes along with the numbers that it shares with
+    /// a motion that cuts.
+    pub air: &'a [bool],
 }
 
-impl Default for RewriteOptions {
+impl Default for RewriteOptions<'_> {
     fn default() -> Self {
         // 4 decimals are below the spacing of the controller's single precision at 1 m (1.2e-4 mm);
         // 8 decimals of a quaternion are 3e-6 mm at 300 mm.
-        Self { allow_clones: false, position_decimals: 4, quat_decimals: 8 }
+        Self { allow_clones: false, position_decimals: 4, quat_decimals: 8, air: &[] }
     }
 }
 
@@ -451,6 +454,8 @@ pub struct Rewritten {
     pub not_inserted: Vec<(usize, Reason)>,
     /// Targets whose change could not be written, with the reason.
     pub kept: Vec<(usize, Reason)>,
+    /// Targets that cut nothing and have other poses now, because they share numbers with others; see [`RewriteOptions::air`].
+    pub along: Vec<usize>,
 }
 
 /// An inserted motion.

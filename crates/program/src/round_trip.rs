@@ -53,12 +53,17 @@ pub fn round_trip(
     program: &Program,
     reread: impl FnOnce(Vec<Source>, Vec<Source>) -> Result<Program, Vec<Diagnostic>>,
 ) -> RoundTrip {
-    let options = RewriteOptions { allow_clones: false, ..RewriteOptions::default() };
+    // Nothing is cut here: a target without numbers of its own goes along with those of others.
+    let air = vec![true; program.targets.len()];
+    let options = RewriteOptions { air: &air, ..RewriteOptions::default() };
     let unchanged = program.rewrite(&vec![None; program.targets.len()], &[], &options);
     let identical = program.edited(&unchanged.edits).iter().zip(&*program.sources).all(|(a, b)| a.bytes == b.bytes);
 
-    let changes: Vec<Option<Change>> = program.targets.iter().map(|t| shifted(&t.goal)).collect();
+    let mut changes: Vec<Option<Change>> = program.targets.iter().map(|t| shifted(&t.goal)).collect();
     let rewritten = program.rewrite(&changes, &[], &options);
+    for &i in &rewritten.along {
+        changes[i] = Some(Change { position_mm: rewritten.written[i].0, quat: None, conf: None, external: None });
+    }
     let mut sources = program.edited(&rewritten.edits);
     let context = sources.split_off(program.written.min(sources.len()));
     let why = match reread(sources, context) {
@@ -109,7 +114,7 @@ fn difference(
         }
         let change = changes[at].as_ref().filter(|_| unwritten[at].is_none());
         // An offset counts from its base in the controller's precision.
-        let single = if was.editable == Editable::Position { SINGLE } else { 0.0 };
+        let single = if was.editable == Editable::Pose { 0.0 } else { SINGLE };
         if !same(&was.goal, &is.goal, change, single) {
             return fault(&format!("wanted {:?} with {change:?}, read back {:?}", was.goal, is.goal));
         }

@@ -184,7 +184,10 @@ fn other_text(first: &Program, second: &Program, pairs: &Pairs, out: &mut Vec<Ot
     const MOST_COMPARED: usize = 50;
     let as_second = if pairs.same.len() == first.targets.len() {
         let wanted = pairs.same.iter().map(|(i, k, _)| change(&first.targets[*i].goal, &second.targets[*k].goal));
-        first.rewrite(&wanted.collect::<Vec<_>>(), &[], &RewriteOptions::default()).edits
+        // A target without numbers of its own is where those of others lead it.
+        let air = vec![true; first.targets.len()];
+        let options = RewriteOptions { air: &air, ..RewriteOptions::default() };
+        first.rewrite(&wanted.collect::<Vec<_>>(), &[], &options).edits
     } else {
         Vec::new()
     };

@@ -85,6 +85,12 @@ impl Digest {
     pub fn take(&mut self, rows: &[Row]) {
         for row in rows.iter().filter(|row| row.is_solved()) {
             let error = row.error_norm_mm();
+            if let Some(path) = row.path {
+                larger(&mut self.jump, row, path.jump_mm);
+            }
+            if row.is_through_air {
+                continue;
+            }
             if self.worst.len() < WORST || self.worst.last().is_some_and(|least| error > least.mm) {
                 let at = self.worst.partition_point(|spot| spot.mm >= error);
                 self.worst.insert(at, spot(row, error));
@@ -92,7 +98,6 @@ impl Digest {
             }
             if let Some(path) = row.path {
                 larger(&mut self.way, row, path.way_mm);
-                larger(&mut self.jump, row, path.jump_mm);
             }
         }
     }

@@ -461,26 +461,33 @@ fn offsets_of_offsets_follow_what_they_are_made_from() {
 }
 
 #[test]
-fn an_air_move_that_turns_with_its_base_says_so() {
+fn an_air_move_that_goes_along_with_its_base_says_so() {
     let cell = Cell::read(&Source::new("cell.toml", TURNING.as_bytes())).unwrap();
     let target = |name: &str, x: f64| {
         format!("CONST robtarget {name}:=[[{x},70,100],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n")
     };
-    let program = read(&format!(
-        "MODULE M\n{}PERS tooldata t1:=[TRUE,[[0,0,200],[1,0,0,0]],[5,[0,0,80],[1,0,0,0],0,0,0]];
-        PERS wobjdata w1:=[FALSE,TRUE,\"\",[[1200,100,600],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
-        PROC main()\nMoveL p1,v50,fine,t1\\WObj:=w1;\nMoveJ Offs(p1,0,0,50),v50,fine,t1\\WObj:=w1;
-        MoveJ p3,v50,fine,t1\\WObj:=w1;\nENDPROC\nENDMODULE\n",
-        target("p1", 120.0) + &target("p3", 160.0)
-    ));
-    let rows = deflex::correct::compensate(&program, &cell, &Options::default()).unwrap().rows;
-    let norm = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
-    let [cut, above, far] = &rows[..] else { panic!("three rows") };
-    assert!(norm(cut.correction_deg) > 0.01);
-    assert_eq!((above.status, far.status), (Status::Air, Status::Air));
-    assert!((norm(above.correction_deg) - norm(cut.correction_deg)).abs() < 1e-4, "{above:?}");
-    assert!(norm(above.correction_mm) < 1e-3);
-    assert!(norm(far.correction_deg) < 1e-9);
+    // 50 mm above its base in the work object, and in the axes of the tool, which turn with the base.
+    for (above, turns) in [("Offs(p1,0,0,50)", false), ("RelTool(p1,0,0,-50)", true)] {
+        let program = read(&format!(
+            "MODULE M\n{}PERS tooldata t1:=[TRUE,[[0,0,200],[1,0,0,0]],[5,[0,0,80],[1,0,0,0],0,0,0]];
+            PERS wobjdata w1:=[FALSE,TRUE,\"\",[[1200,100,600],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+            PROC main()\nMoveL p1,v50,fine,t1\\WObj:=w1;\nMoveJ {above},v50,fine,t1\\WObj:=w1;
+            MoveJ p3,v50,fine,t1\\WObj:=w1;\nENDPROC\nENDMODULE\n",
+            target("p1", 120.0) + &target("p3", 160.0)
+        ));
+        let rows = deflex::correct::compensate(&program, &cell, &Options::default()).unwrap().rows;
+        let norm = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let [cut, above, far] = &rows[..] else { panic!("three rows") };
+        assert!(norm(cut.correction_mm) > 0.1 && norm(cut.correction_deg) > 0.01);
+        assert_eq!((above.status, far.status), (Status::Air, Status::Air));
+        assert!(above.goes_along && !far.goes_along, "{rows:?}");
+        assert!((norm(above.correction_deg) - norm(cut.correction_deg)).abs() < 1e-4, "{above:?}");
+        let apart = norm(std::array::from_fn(|i| above.correction_mm[i] - cut.correction_mm[i]));
+        let lever = 50.0 * norm(cut.correction_deg).to_radians();
+        assert_eq!(apart > 1e-3, turns, "{above:?} {cut:?}");
+        assert!(apart < lever + 1e-3, "{apart} {lever}");
+        assert!(norm(far.correction_mm) < 1e-9 && norm(far.correction_deg) < 1e-9);
+    }
 }
 
 #[test]

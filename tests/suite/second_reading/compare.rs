@@ -3,7 +3,7 @@
 //! What a motion's correction is comes from a program that leaves nothing to read: the motions that were executed, with
 //! their frames as constants and their poses as inline targets.
 
-use super::machine::{Goal, Machine, Motion};
+use super::machine::{Goal, Machine, Mark, Motion};
 use super::oracle::Oracle;
 use super::syntax;
 use super::tree::{Kind, Module};
@@ -67,6 +67,9 @@ pub fn cell_file() -> Vec<(String, String, Val)> {
         ("WCELL".into(), "WOBJDATA".into(), value(1, "WOBJDATA")),
     ]
 }
+
+/// Longest offset in the axes of the tool, mm.
+const LEVER_MM: f64 = 300.0;
 
 /// What became of a program.
 #[derive(Debug)]
@@ -222,13 +225,18 @@ impl Bench {
                 seen.left.push(before.line);
                 continue;
             }
+            // A motion through air may go along with the numbers that it shares with a cut.
+            if before.mark() == Mark::Air {
+                let moved = |(old, new): (&Frame, &Frame)| from.then(old).apart(&to.then(new)).0;
+                let by = old.iter().zip(new).map(moved).fold(0.0, f64::max);
+                if by > report.most_mm || !old.iter().zip(new).all(|(old, new)| report.says_air_goes(before, old, new))
+                {
+                    return Err(format!("{what} through air moved by {by:.4} mm, not as the report says"));
+                }
+                continue;
+            }
             if report.only_kept(before) {
                 return Err(format!("{what} is said to be kept, and moved"));
-            }
-            let stays = old.iter().zip(new).all(|(a, b)| from.then(a).apart(&to.then(b)).0 <= TOLERANCE_MM);
-            if stays && report.turned.contains(&(before.module, before.line)) {
-                seen.left.push(before.line);
-                continue;
             }
             let Some(wanted) = wanted else { return Err(format!("{what} has no correction, and moved")) };
             let there: Vec<Frame> = new.iter().map(|p| to.then(p)).collect();
@@ -421,17 +429,27 @@ fn flattened(motions: &[&Motion]) -> Result<String, String> {
                 format!("{word} {},v50,fine,{tool}", targets.join(","))
             }
         };
-        let _ = writeln!(body, "{line}\\WObj:={wobj};");
+        let mark = if motion.mark() == Mark::Air { "air" } else { "cut" };
+        let _ = writeln!(body, "! deflex {mark}\n{line}\\WObj:={wobj};");
     }
     Ok(format!("MODULE Flat\n{data}PROC main()\n{body}ENDPROC\nENDMODULE\n"))
+}
+
+/// How far a motion goes from its programmed target.
+struct Went {
+    by_mm: [f64; 3],
+    turn_rad: f64,
 }
 
 /// What was said of each line.
 struct Report {
     /// By source and line: rows that are kept, rows that are not.
     rows: BTreeMap<(usize, u32), (usize, usize)>,
-    /// Air moves that are where they were, and turned with a base that is corrected.
-    turned: BTreeSet<(usize, u32)>,
+    /// The farthest that the correction of a cut moves anything, mm, also at the end of an offset in the axes of the tool. A cut that this run
+    /// leaves out counts too.
+    most_mm: f64,
+    /// Where motions through air went along.
+    air: BTreeMap<(usize, u32), Vec<Went>>,
     kept: Vec<(usize, u32)>,
     notes: Vec<String>,
 }
@@ -439,16 +457,19 @@ struct Report {
 impl Report {
     fn new(program: &Program, corrected: &Corrected) -> Self {
         let mut rows: BTreeMap<(usize, u32), (usize, usize)> = BTreeMap::new();
-        let mut turned_rows = BTreeSet::new();
+        let (mut air, mut most_mm) = (BTreeMap::<_, Vec<Went>>::new(), TOLERANCE_MM);
         for row in &corrected.rows {
             let target = program.targets.iter().find(|t| t.role == Role::End && t.ordinal == row.target);
             let source = target.map_or(0, |t| usize::from(t.source));
             let count = rows.entry((source, row.line)).or_default();
-            let turned = row.status == Status::Air && row.correction_deg.iter().any(|by| by.abs() > 0.0);
-            if turned {
-                turned_rows.insert((source, row.line));
+            let turn_rad = row.correction_deg.iter().map(|deg| deg.to_radians().powi(2)).sum::<f64>().sqrt();
+            match row.status {
+                Status::Air => {
+                    air.entry((source, row.line)).or_default().push(Went { by_mm: row.correction_mm, turn_rad });
+                }
+                _ => most_mm = most_mm.max(row.correction_norm_mm() + LEVER_MM * turn_rad),
             }
-            if row.status == Status::Ok || turned { count.1 += 1 } else { count.0 += 1 }
+            if row.status == Status::Ok { count.1 += 1 } else { count.0 += 1 }
         }
         let mut kept: Vec<_> = program.kept.iter().map(|k| (k.source, k.line as u32)).collect();
         let mut notes = Vec::new();
@@ -458,7 +479,17 @@ impl Report {
             }
             notes.push(note.message.to_uppercase());
         }
-        Self { rows, turned: turned_rows, kept, notes }
+        Self { rows, most_mm, air, kept, notes }
+    }
+
+    /// Whether a row of a motion through air says that it goes from one pose to the other, in the work object.
+    fn says_air_goes(&self, motion: &Motion, old: &Frame, new: &Frame) -> bool {
+        let turn = old.apart(new).1;
+        let is = |went: &Went| {
+            let by = (0..3).map(|i| (new.p[i] - old.p[i] - went.by_mm[i]).powi(2)).sum::<f64>().sqrt();
+            by <= TOLERANCE_MM && (turn - went.turn_rad).abs() <= TOLERANCE_RAD
+        };
+        self.air.get(&(motion.module, motion.line)).is_some_and(|all| all.iter().any(is))
     }
 
     fn left(&self, motion: &Motion) -> bool {

@@ -1,6 +1,6 @@
 //! Predefined instructions, and those of modules that are not at hand.
 
-use super::machine::{Goal, Machine, Motion, Place, Ran, Stop, error_number};
+use super::machine::{Goal, Machine, Mark, Motion, Place, Ran, Stop, error_number};
 use super::tree::{Arg, Data, Expr, Storage};
 use super::value::{Frame, IDENTITY, Val};
 
@@ -83,6 +83,8 @@ impl Machine<'_> {
         }
         match name {
             "PDISPSET" => self.displacement = Frame::of(&self.eval(Self::required(args, 0)?, "POSE")?)?,
+            "MARK_AIR" => self.mark = Some(Mark::Air),
+            "MARK_CUT" => self.mark = Some(Mark::Cut),
             "PDISPOFF" => self.displacement = IDENTITY,
             "PDISPON" => self.displace(args)?,
             "EOFFSSET" => self.offsets = self.eval(Self::required(args, 0)?, "EXTJOINT")?.numbers::<6>()?.to_vec(),
@@ -216,6 +218,7 @@ impl Machine<'_> {
             line,
             routine,
             kind: name.to_owned(),
+            mark: self.mark,
             shifted,
             goal,
             speed,
@@ -294,6 +297,7 @@ impl Machine<'_> {
                 line,
                 routine,
                 kind: "ELSEWHERE".into(),
+                mark: self.mark,
                 shifted: false,
                 goal,
                 speed: None,

@@ -19,6 +19,8 @@ pub struct Motion {
     pub routine: String,
     /// The instruction's name.
     pub kind: String,
+    /// The mark in force.
+    pub mark: Option<Mark>,
     /// Whether its target is worked out (`Offs`, `RelTool`): only where it is may be corrected.
     pub shifted: bool,
     pub goal: Goal,
@@ -30,6 +32,13 @@ pub struct Motion {
     pub offsets: Vec<f64>,
 }
 
+/// What a comment says of the motions after it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mark {
+    Air,
+    Cut,
+}
+
 #[derive(Clone, Debug)]
 pub enum Goal {
     /// Poses in the displacement frame, the circle point of an arc first; confdata and external axes of the last.
@@ -38,6 +47,12 @@ pub enum Goal {
 }
 
 impl Motion {
+    /// Whether it cuts: a joint motion does not, unless a mark says so.
+    pub fn mark(&self) -> Mark {
+        let unmarked = if self.kind.contains('J') { Mark::Air } else { Mark::Cut };
+        self.mark.unwrap_or(unmarked)
+    }
+
     /// Displacement frame in the world.
     pub fn base(&self) -> Result<Frame, String> {
         let (user, object) = (Frame::of(self.wobj.at(3)?)?, Frame::of(self.wobj.at(4)?)?);
@@ -128,6 +143,7 @@ pub struct Machine<'a> {
     pub motions: Vec<Motion>,
     pub displacement: Frame,
     pub offsets: Vec<f64>,
+    pub mark: Option<Mark>,
     /// Robtargets that `Offs` and `RelTool` have made, to tell them where they come back as parameters.
     pub computed: Vec<Val>,
     pub interrupts: Vec<Interrupt>,
@@ -159,6 +175,7 @@ impl<'a> Machine<'a> {
             motions: Vec::new(),
             displacement: IDENTITY,
             offsets: vec![0.0; 6],
+            mark: None,
             computed: Vec::new(),
             interrupts: Vec::new(),
             in_trap: false,

@@ -1,4 +1,4 @@
-//! RAPID text to tokens with their lines; comments go.
+//! RAPID text to tokens with their lines. A mark (`! deflex air`) becomes a call; other comments go.
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Token {
@@ -25,8 +25,14 @@ pub fn tokens(text: &str) -> Result<Vec<(Token, u32)>, String> {
         if c.is_whitespace() {
             i += 1;
         } else if c == '!' {
+            let from = i + 1;
             while i < bytes.len() && bytes[i] != '\n' {
                 i += 1;
+            }
+            let comment: String = bytes[from..i].iter().collect();
+            if let ["deflex", mark @ ("air" | "cut")] = comment.split_whitespace().collect::<Vec<_>>()[..] {
+                out.push((Token::Word(format!("MARK_{}", mark.to_uppercase())), line));
+                out.push((Token::Sign(";"), line));
             }
         } else if c == '"' {
             let mut s = String::new();

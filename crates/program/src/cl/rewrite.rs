@@ -59,7 +59,7 @@ impl FrontEnd for Layout {
 struct Writer<'a> {
     source: &'a Source,
     layout: &'a Layout,
-    options: &'a RewriteOptions,
+    options: &'a RewriteOptions<'a>,
     edits: Vec<Edit>,
     grown: Grown,
     /// Whether the arc or hole that is being written stays one.

@@ -5,12 +5,12 @@ use super::run::PositionTokens;
 use super::{Layout, insert, names};
 use crate::front_end::{FrontEnd, Wanted};
 use crate::orientation::{quaternion_of_zyx_deg, rotation, zyx_deg};
-use crate::shared;
+use crate::shared::{Agreed, agreed};
 use crate::token::{New, signed, single};
 use crate::{Change, Goal, NO_TURN, Passing, Program, Reason, Rewritten, Role};
 use deflex_lang::shared::agree;
 use deflex_text::{Content, Edit, Span, Token};
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 /// New texts of the six tokens of a motion; `None` for a token that stays.
 #[derive(Clone, Debug, Default)]
@@ -49,9 +49,12 @@ impl FrontEnd for Layout {
         let Wanted { changes, inserts, .. } = wanted;
         let mut out = Rewritten { edits: vec![Vec::new(); program.written], ..Rewritten::default() };
         let apart = self.are_apart();
-        let tokens =
-            |i: usize| Some(self.sites[i].tokens).filter(|tokens| !apart && tokens.iter().any(Option::is_some));
-        let changes = if apart { changes } else { &*shared::agreed(changes, tokens) };
+        let tokens = |i: usize| self.sites[i].tokens.into_iter().flatten().collect();
+        let shared = (!apart).then(|| agreed(program, &wanted, tokens));
+        let (changes, along) = match &shared {
+            Some(Agreed { changes, along, .. }) => (&**changes, &along[..]),
+            None => (changes, &[][..]),
+        };
         // A joint motion whose status or turn would be untrue stays with its numbers.
         let untrue = |i: usize| changes[i].as_ref().is_some_and(|change| change.conf.is_some());
         let tokens_of = |i: usize| {
@@ -60,7 +63,12 @@ impl FrontEnd for Layout {
         };
         // Where no literal is shared, there are no conflicts to resolve.
         let new_tokens: Vec<NewTokens> = if apart { Vec::new() } else { (0..changes.len()).map(tokens_of).collect() };
-        let agreed = self.agreed(program, &new_tokens);
+        let agreed = self.agreed(program, &new_tokens, along);
+        let mut settled = HashMap::new();
+        for (i, own) in new_tokens.iter().enumerate().filter(|(i, _)| agreed[*i] && along.contains(&true)) {
+            let new = self.sites[i].tokens.iter().zip(own.values);
+            settled.extend(new.filter_map(|(place, value)| Some(((*place)?, value?))));
+        }
         let mut new_tokens = new_tokens.into_iter();
         let mut done = HashSet::new();
         out.written.reserve(changes.len());
@@ -68,8 +76,12 @@ impl FrontEnd for Layout {
             edits.reserve(6 * changes.len());
         }
         for i in 0..changes.len() {
-            let own = new_tokens.next().unwrap_or_else(|| tokens_of(i));
+            let mut own = new_tokens.next().unwrap_or_else(|| tokens_of(i));
             let site = &self.sites[i];
+            if along.get(i) == Some(&true) {
+                own.values = site.tokens.map(|place| settled.get(&place?).copied());
+                out.along.extend(Some(i).filter(|_| own.values.iter().any(Option::is_some)));
+            }
             let stays = untrue(i) || agreed.get(i) == Some(&false);
             if stays || site.tokens.iter().all(Option::is_none) {
                 if changes[i].as_ref().is_some_and(|change| change.differs(&program.targets[i].goal)) {
@@ -119,14 +131,14 @@ impl Layout {
 
     /// Decides which targets get their new numbers. All targets that share a number must need the same one, and an arc is edited as a
     /// whole.
-    fn agreed(&self, program: &Program, new_tokens: &[NewTokens]) -> Vec<bool> {
+    fn agreed(&self, program: &Program, new_tokens: &[NewTokens], along: &[bool]) -> Vec<bool> {
         let wishes_of = |i: usize| {
             let wishes = self.sites[i].tokens.iter().zip(&new_tokens[i].tokens);
             wishes.filter_map(|(place, token)| Some(((*place)?, token.as_ref())))
         };
         let wishes = |i: usize| {
             let end = (program.targets[i].role == Role::Via && i + 1 < self.sites.len()).then_some(i + 1);
-            std::iter::once(i).chain(end).flat_map(wishes_of).collect()
+            std::iter::once(i).chain(end).filter(|i| !along[*i]).flat_map(wishes_of).collect()
         };
         agree(&(0..new_tokens.len()).map(wishes).collect::<Vec<_>>())
     }

@@ -88,6 +88,13 @@ impl Layout {
         (position.into(), quaternion(&pose.rotation.to_rotation_matrix()))
     }
 
+    /// Position, mm, and orientation of a target in the controller's precision, from its numbers.
+    fn held(&self, site: &PoseSource, numbers: [f64; 6]) -> ([f64; 3], [f64; 4]) {
+        let held: [f64; 6] = std::array::from_fn(|at| (self.style.held)(at, numbers[at]));
+        let own = self.style.dialect.pose(&held).unwrap_or(site.own);
+        self.millimetres(&(site.left * own * site.right))
+    }
+
     fn pose(&self, position_mm: [f64; 3], quat: [f64; 4]) -> Isometry3<f64> {
         let [x, y, z] = position_mm.map(|mm| mm / self.style.mm);
         let [w, i, j, k] = quat;

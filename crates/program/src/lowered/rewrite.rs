@@ -2,8 +2,8 @@
 
 use super::{Layout, PoseSource};
 use crate::front_end::Wanted;
-use crate::shared::agreed as settled;
-use crate::token::New;
+use crate::shared::{Agreed, agreed};
+use crate::token::{New, signed};
 use crate::{Change, Editable, Goal, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
 use deflex_lang::ir::TokenId;
 use deflex_lang::shared::agree;
@@ -17,19 +17,21 @@ pub(super) struct Print {
     pub(super) written: ([f64; 3], [f64; 4]),
 }
 
-pub(super) fn rewrite(program: &Program, layout: &Layout, Wanted { changes, options, .. }: Wanted<'_>) -> Rewritten {
+pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) -> Rewritten {
+    let options = wanted.options;
     let tokens = |i: usize| {
-        let tokens = layout.sites[i].as_ref()?.affine.map(|affine| affine.map(|affine| affine.token));
-        Some(tokens).filter(|tokens| tokens.iter().any(Option::is_some))
+        let affine = layout.sites[i].iter().flat_map(|site| site.affine).flatten();
+        affine.map(|affine| affine.token).collect()
     };
-    let changes = &*settled(changes, tokens);
+    let Agreed { changes, along, .. } = agreed(program, &wanted, tokens);
     let mut kept = Vec::new();
     let mut prints: Vec<Option<Print>> = Vec::with_capacity(changes.len());
-    for (i, (site, change)) in layout.sites.iter().zip(changes).enumerate() {
+    for (i, (site, change)) in layout.sites.iter().zip(&*changes).enumerate() {
         let target = &program.targets[i];
         let print = match (target.editable, site, change) {
             (Editable::No(why), _, Some(change)) if change.differs(&target.goal) => Err(why),
             (Editable::No(_), ..) | (_, None, _) => Ok(None),
+            _ if along[i] => Ok(None),
             (_, Some(site), None) => Ok(Some(unchanged(site, &target.goal))),
             (editable, Some(site), Some(change)) => {
                 print(program, layout, i, site, change, editable == Editable::Position, options).map(Some)
@@ -84,6 +86,23 @@ pub(super) fn rewrite(program: &Program, layout: &Layout, Wanted { changes, opti
             }
         }
     }
+    let mut went = Vec::new();
+    for i in (0..along.len()).filter(|i| along[*i]) {
+        if let (Some(site), Goal::Pose { quat, .. }) = (&layout.sites[i], program.targets[i].goal) {
+            let new = |at: usize| {
+                let affine = site.affine[at]?;
+                Some(affine.scale * signed(texts.get(&affine.token)?)? + affine.offset)
+            };
+            if (0..6).all(|at| new(at).is_none()) {
+                continue;
+            }
+            went.push(i);
+            written[i] = layout.held(site, std::array::from_fn(|at| new(at).unwrap_or(site.numbers[at])));
+            if (3..6).all(|at| new(at).is_none()) {
+                written[i].1 = quat;
+            }
+        }
+    }
     let mut edits = vec![Vec::new(); program.written];
     for (token, text) in texts {
         let place = layout.place(token);
@@ -91,7 +110,7 @@ pub(super) fn rewrite(program: &Program, layout: &Layout, Wanted { changes, opti
     }
     edits.iter_mut().for_each(|edits: &mut Vec<Edit>| edits.sort_by_key(|edit| edit.span));
     kept.sort_unstable();
-    Rewritten { edits, written, kept, ..Rewritten::default() }
+    Rewritten { edits, written, kept, along: went, ..Rewritten::default() }
 }
 
 fn held(goal: &Goal) -> ([f64; 3], [f64; 4]) {
@@ -163,8 +182,6 @@ pub(super) fn print(
         }
         tokens.push((affine.token, new.token));
     }
-    let held: [f64; 6] = std::array::from_fn(|at| (style.held)(at, printed[at]));
-    let own = style.dialect.pose(&held).unwrap_or(site.own);
-    let (position_mm, turn) = layout.millimetres(&(site.left * own * site.right));
+    let (position_mm, turn) = layout.held(site, printed);
     Ok(Print { tokens, written: (position_mm, if quat.is_some() { turn } else { was }) })
 }

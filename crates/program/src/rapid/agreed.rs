@@ -7,6 +7,7 @@ use super::rewrite::{Settled, rewrite_agreed};
 use super::value::OffsetStep;
 use super::writer::{Print, Writer};
 use super::{Layout, TargetInText};
+use crate::shared::{goes_along, is_free};
 use crate::token::MAX_DECIMALS;
 use crate::{Change, Editable, Goal, Program, Reason, RewriteOptions, Rewritten, Target, front_end};
 use deflex_text::Edit;
@@ -46,9 +47,17 @@ struct Wanted {
     changes: SmallVec<[Option<Change>; 2]>,
 }
 
+/// The edit that a target needs.
+#[derive(Clone, Debug, PartialEq)]
+struct WantedEdit {
+    /// Whether it may go along with others instead.
+    is_free: bool,
+    text: WantedText,
+}
+
 /// The edit of the text that a changed target needs.
 #[derive(Clone, Debug, PartialEq)]
-enum WantedEdit {
+enum WantedText {
     Nothing,
     /// New tokens of its literal.
     Print(Box<Print>),
@@ -78,7 +87,7 @@ impl Again {
     pub(super) fn rewrite(&self, program: &Program, layout: &Layout, wanted: front_end::Wanted<'_>) -> Rewritten {
         let changes = wanted.changes;
         let mut writer = Writer::new(program, layout, wanted.options);
-        let nothing = Settled::default();
+        let (nothing, mut along) = (Settled::default(), Vec::new());
         let settled = match &self.agreement {
             Agreement::None => &nothing,
             Agreement::Open(wanted) => {
@@ -86,14 +95,14 @@ impl Again {
                 &nothing
             }
             Agreement::Known(agreed) => {
-                agreed.keep(&mut writer, changes);
+                along = agreed.keep(&mut writer, changes);
                 &agreed.settled
             }
         };
         let written = (0..program.targets.len())
             .map(|i| writer.written(i, &settled.prints, &settled.cloned, &settled.offsets))
             .collect();
-        Rewritten { written, kept: writer.kept, ..Rewritten::default() }
+        Rewritten { written, kept: writer.kept, along, ..Rewritten::default() }
     }
 }
 
@@ -123,8 +132,10 @@ impl WantedValues {
         let mut firsts: Vec<u32> = all.keys().copied().collect();
         firsts.sort_unstable();
         let (mut targets, mut sites, mut changes) = (Vec::<Target>::new(), Vec::new(), Vec::new());
+        let mut air = Vec::new();
         for first in firsts {
             for wanted in &all[&first] {
+                air.extend(wanted.edits.iter().map(|edit| edit.is_free));
                 for (i, change) in (first as usize..).zip(&wanted.changes) {
                     targets.push(like.targets.get(i)?.clone());
                     sites.push(*layout.sites.get(i)?);
@@ -139,6 +150,7 @@ impl WantedValues {
         let (files, layout) = ((Arc::clone(&like.sources), like.written), Layout::default());
         let layout = crate::Layout::Rapid(layout);
         let program = Program { targets, ..Program::empty(like.language, like.dialect, files, layout) };
+        let options = &RewriteOptions { air: &air, ..*options };
         let (rewritten, settled) =
             rewrite_agreed(&program, &all_runs, front_end::Wanted { changes: &changes, inserts: &[], options });
         Some(Agreed { settled, edits: rewritten.edits, contradicted: AtomicBool::new(false) })
@@ -156,7 +168,7 @@ fn add(known: &mut Vec<Wanted>, wanted: Wanted) {
     }
     let is_new = |k: usize| {
         let mut different: SmallVec<[&WantedEdit; MOST_WANTED]> = SmallVec::new();
-        for known in known.iter() {
+        for known in known.iter().filter(|known| known.edits[k].is_free == wanted.edits[k].is_free) {
             if !different.contains(&&known.edits[k]) {
                 different.push(&known.edits[k]);
             }
@@ -173,20 +185,21 @@ fn wanted_edit(writer: &Writer<'_>, i: usize, change: Option<&Change>) -> Wanted
     /// Parts of the last printed digit.
     const PARTS: f64 = 100.0;
     let target = &writer.program.targets[i];
-    match (writer.layout.sites[i], target.editable, target.goal) {
+    let text = match (writer.layout.sites[i], target.editable, target.goal) {
         (TargetInText::Literal { literal, .. }, Editable::Pose, _) => {
             let literal = &writer.layout.literals[literal as usize];
-            WantedEdit::Print(Box::new(change.map_or_else(Print::default, |change| writer.print(i, literal, change))))
+            WantedText::Print(Box::new(change.map_or_else(Print::default, |change| writer.print(i, literal, change))))
         }
         (TargetInText::Offset(_), Editable::Position, Goal::Pose { position_mm, .. }) => {
             let wanted = change.map_or(position_mm, |change| change.position_mm);
             let decimals = writer.options.position_decimals.min(MAX_DECIMALS);
             let scale = PARTS * 10_f64.powi(i32::try_from(decimals).unwrap_or(0));
             #[allow(clippy::cast_possible_truncation)] // metres in parts of a micrometre
-            WantedEdit::Position(wanted.map(|mm| (mm * scale).round() as i64))
+            WantedText::Position(wanted.map(|mm| (mm * scale).round() as i64))
         }
-        _ => WantedEdit::Nothing,
-    }
+        _ => WantedText::Nothing,
+    };
+    WantedEdit { is_free: is_free(writer.program, writer.options, i), text }
 }
 
 impl Agreed {
@@ -195,10 +208,16 @@ impl Agreed {
         !self.contradicted.load(Ordering::Relaxed)
     }
 
-    /// Records the targets of a chunk that do not get their wanted values, with the reason.
-    fn keep(&self, writer: &mut Writer<'_>, changes: &[Option<Change>]) {
+    /// Records the targets of a chunk that do not get their wanted values, with the reason. Returns those that go along.
+    fn keep(&self, writer: &mut Writer<'_>, changes: &[Option<Change>]) -> Vec<usize> {
         let layout = writer.layout;
+        let mut along = Vec::new();
         for (i, change) in changes.iter().enumerate() {
+            let is_free = is_free(writer.program, writer.options, i);
+            if is_free && goes_along(writer.program, i, &layout.numbers(i), &self.settled.owned) {
+                along.extend(Some(i).filter(|i| self.settled.moves(layout, *i)));
+                continue;
+            }
             let target = &writer.program.targets[i];
             let differs = |writer: &Writer<'_>| change.as_ref().is_some_and(|change| writer.differs(i, change));
             let reason = match (layout.sites[i], target.editable) {
@@ -218,6 +237,7 @@ impl Agreed {
             };
             writer.kept.extend(reason.map(|reason| (i, reason)));
         }
+        along
     }
 
     /// Why an offset is kept although another one is wanted.

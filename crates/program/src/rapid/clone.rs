@@ -24,7 +24,7 @@ pub(super) fn resolve(
     let mut groups: Vec<(Print, Vec<usize>)> = Vec::new();
     for (i, site) in writer.layout.sites.iter().enumerate() {
         let TargetInText::Literal { literal: of, .. } = *site else { continue };
-        if of != literal || writer.program.targets[i].editable != Editable::Pose {
+        if of != literal || writer.along[i] || writer.program.targets[i].editable != Editable::Pose {
             continue;
         }
         let print = changes[i]
@@ -71,9 +71,10 @@ fn try_clones(
             }
         }
     }
-    // An element with a variable index names other elements too.
-    let others = writer.layout.sites.iter().any(|site| {
-        matches!(site, TargetInText::Literal { literal: of, argument: Some(argument) } if *of != literal && arguments.contains_key(argument))
+    // An element with a variable index names other elements too, and a statement may cut in one run and not in another.
+    let others = writer.layout.sites.iter().zip(&writer.along).any(|(site, along)| {
+        matches!(site, TargetInText::Literal { literal: of, argument: Some(argument) }
+            if (*of != literal || *along) && arguments.contains_key(argument))
     });
     if others {
         return false;

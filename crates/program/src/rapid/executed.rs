@@ -124,7 +124,7 @@ pub struct FirstRun<'a> {
 
 impl<'a> FirstRun<'a> {
     /// The second run.
-    pub fn answered(self, options: &RewriteOptions) -> io::Result<(ExecutedChunks, Answer)> {
+    pub fn answered(self, options: &RewriteOptions<'_>) -> io::Result<(ExecutedChunks, Answer)> {
         let none = || io::Error::other("the program has no layout");
         let agreed = Arc::new(self.wanted.agreed(&self.program.like, options).ok_or_else(none)?);
         Ok((self.program.run(Agreement::Known(Arc::clone(&agreed))), Answer(agreed)))

@@ -4,9 +4,9 @@ use super::value::{OffsetStep, rotate, unit};
 use super::writer::{Pose, Print, Writer};
 use super::{Layout, Offset, TargetInText, clone, insert, own};
 use crate::front_end::Wanted;
-use crate::shared::agreed;
+use crate::shared::{Agreed, Numbers, agreed};
 use crate::token::{New, signed, single};
-use crate::{Change, Editable, Goal, Insert, NO_TURN, Program, Reason, Rewritten, Role};
+use crate::{Change, Editable, Goal, Insert, Motion, NO_TURN, Program, Reason, Rewritten, Role};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Token};
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -29,6 +29,41 @@ pub(super) struct Settled {
     pub(super) frozen: BTreeSet<u32>,
     /// Literals whose users ask for different numbers.
     pub(super) disputed: BTreeSet<u32>,
+    /// Numbers of motions that are not free to go along with them.
+    pub(super) owned: HashSet<Number>,
+}
+
+/// A number in the text on which the pose of a motion depends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Number {
+    Literal(u32),
+    /// An argument of `Offs` or `RelTool`, by the first of the three.
+    Offset(SourceSpan),
+}
+
+impl Settled {
+    /// Whether a number of a target changes.
+    pub(super) fn moves(&self, layout: &Layout, i: usize) -> bool {
+        layout.numbers(i).iter().any(|number| match number {
+            Number::Literal(literal) => self.prints.get(*literal as usize).is_some_and(Option::is_some),
+            Number::Offset(place) => is_edited(&self.offsets, place),
+        })
+    }
+}
+
+impl Layout {
+    /// The numbers of a target.
+    pub(super) fn numbers(&self, i: usize) -> Numbers<Number> {
+        match self.sites[i] {
+            TargetInText::None => Numbers::new(),
+            TargetInText::Literal { literal, .. } => std::iter::once(Number::Literal(literal)).collect(),
+            TargetInText::Offset(at) => {
+                let offset = &self.offsets[at as usize];
+                let steps = offset.steps.iter().filter_map(OffsetStep::place).map(Number::Offset);
+                std::iter::once(Number::Literal(offset.root)).chain(steps).collect()
+            }
+        }
+    }
 }
 
 fn is_edited(offsets: &NewOffsets, place: &SourceSpan) -> bool {
@@ -45,17 +80,10 @@ pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) ->
 }
 
 /// As [`rewrite`], for literals with several users, with the new literals and offsets; its reference in tests.
-pub(super) fn rewrite_agreed(
-    program: &Program,
-    layout: &Layout,
-    Wanted { changes, inserts, options }: Wanted<'_>,
-) -> (Rewritten, Settled) {
-    let literal = |i: usize| match layout.sites[i] {
-        TargetInText::Literal { literal, .. } => Some(literal),
-        _ => None,
-    };
-    let changes = &*agreed(changes, literal);
-    let mut writer = Writer::new(program, layout, options);
+pub(super) fn rewrite_agreed(program: &Program, layout: &Layout, wanted: Wanted<'_>) -> (Rewritten, Settled) {
+    let Agreed { changes, along, owned } = agreed(program, &wanted, |i| layout.numbers(i));
+    let changes = &*changes;
+    let mut writer = Writer { along, ..Writer::new(program, layout, wanted.options) };
     let mut settled = Settled::default();
     // A target that stays must not move with another number, so that number stays too: repeat until nothing changes.
     while changes.iter().any(Option::is_some) {
@@ -69,6 +97,7 @@ pub(super) fn rewrite_agreed(
         }
     }
     settled.frozen.clone_from(&writer.frozen);
+    settled.owned = owned;
     let Settled { prints, cloned, offsets, .. } = &settled;
     let written = (0..program.targets.len()).map(|i| writer.written(i, prints, cloned, offsets)).collect();
     for (literal, print) in prints.iter().enumerate() {
@@ -76,7 +105,8 @@ pub(super) fn rewrite_agreed(
             writer.edit_literal(&layout.literals[literal], print.clone());
         }
     }
-    (writer.done(written, inserts), settled)
+    let along = (0..writer.along.len()).filter(|i| writer.along[*i] && settled.moves(layout, *i)).collect();
+    (Rewritten { along, ..writer.done(written, wanted.inserts) }, settled)
 }
 
 impl Writer<'_> {
@@ -95,10 +125,17 @@ impl Writer<'_> {
         let kept: BTreeSet<usize> = self.kept.iter().map(|kept| kept.0).collect();
         let targets = &self.program.targets;
         for (i, site) in self.layout.sites.iter().enumerate() {
-            let stays = || kept.contains(&i) || targets[i].editable != Editable::Position;
-            let Some(offset) = self.layout.offset(site).filter(|_| stays()) else { continue };
-            let moves = prints.get(offset.root as usize).is_some_and(Option::is_some);
-            self.frozen.extend(Some(offset.root).filter(|_| moves));
+            let Some(offset) = self.layout.offset(site) else { continue };
+            let print = prints.get(offset.root as usize).and_then(Option::as_ref);
+            let stays = !self.along[i] && (kept.contains(&i) || targets[i].editable != Editable::Position);
+            // A joint motion goes by the configuration of its base, which may be another one than its own.
+            let goes_by_it = targets[i].motion == Motion::Joint && targets[i].conf().is_some();
+            if print.is_some_and(|print| stays || goes_by_it && print.changes_conf()) {
+                self.frozen.insert(offset.root);
+            }
+            if !stays {
+                continue;
+            }
             let places = offset.steps.iter().filter_map(OffsetStep::place);
             self.frozen_offsets.extend(places.filter(|place| is_edited(offsets, place)));
         }
@@ -145,6 +182,9 @@ impl Writer<'_> {
                 }
                 continue;
             };
+            if self.along[i] {
+                continue;
+            }
             let print = match (self.program.targets[i].editable, change) {
                 (Editable::Pose, Some(change)) => self.print(i, &self.layout.literals[literal as usize], change),
                 (Editable::Pose, None) => Print::default(),
@@ -185,7 +225,7 @@ impl Writer<'_> {
         let mut wishes = NewOffsets::new();
         let mut users: Vec<(usize, SourceSpan, [SourceSpan; 3])> = Vec::new();
         let offset_of = |i: &usize| self.layout.offset(&self.layout.sites[*i]);
-        let mut sites: Vec<usize> = (0..changes.len()).filter(|i| offset_of(i).is_some()).collect();
+        let mut sites: Vec<usize> = (0..changes.len()).filter(|i| offset_of(i).is_some() && !self.along[*i]).collect();
         // An offset of an offset comes after it.
         sites.sort_by_key(|i| offset_of(i).map(|offset| offset.steps.len()));
         for i in sites {

@@ -20,6 +20,13 @@ pub(super) struct Print {
     pub(super) values: [Option<f64>; 7],
 }
 
+impl Print {
+    /// Whether the configuration changes.
+    pub(super) fn changes_conf(&self) -> bool {
+        self.tokens[7..].iter().any(Option::is_some)
+    }
+}
+
 /// Position and orientation as the controller holds them.
 pub(super) type Pose = ([f64; 3], [f64; 4]);
 
@@ -27,16 +34,18 @@ pub(super) type Pose = ([f64; 3], [f64; 4]);
 pub(super) struct Writer<'a> {
     pub(super) program: &'a Program,
     pub(super) layout: &'a Layout,
-    pub(super) options: &'a RewriteOptions,
+    pub(super) options: &'a RewriteOptions<'a>,
     pub(super) edits: Vec<Vec<Edit>>,
     pub(super) kept: Vec<(usize, Reason)>,
     /// Literals, and offsets by their first number, that stay because another target depends on them.
     pub(super) frozen: BTreeSet<u32>,
     pub(super) frozen_offsets: HashSet<SourceSpan>,
+    /// Whether each target goes along with the numbers of others; empty if none can.
+    pub(super) along: Vec<bool>,
 }
 
 impl<'a> Writer<'a> {
-    pub(super) fn new(program: &'a Program, layout: &'a Layout, options: &'a RewriteOptions) -> Self {
+    pub(super) fn new(program: &'a Program, layout: &'a Layout, options: &'a RewriteOptions<'a>) -> Self {
         Self {
             program,
             layout,
@@ -45,6 +54,7 @@ impl<'a> Writer<'a> {
             kept: Vec::new(),
             frozen: BTreeSet::new(),
             frozen_offsets: HashSet::new(),
+            along: Vec::new(),
         }
     }
 

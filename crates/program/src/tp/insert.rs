@@ -155,7 +155,7 @@ type Written<'a> = (Like<'a>, Vec<(Option<usize>, usize)>, Vec<Pair>);
 struct Writer<'a> {
     program: &'a Program,
     layout: &'a Layout,
-    options: &'a RewriteOptions,
+    options: &'a RewriteOptions<'a>,
     lines: Vec<Line<'a>>,
     inner: Vec<bool>,
     /// Largest number of a position.
@@ -167,7 +167,7 @@ struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    fn new(program: &'a Program, layout: &'a Layout, options: &'a RewriteOptions) -> Self {
+    fn new(program: &'a Program, layout: &'a Layout, options: &'a RewriteOptions<'a>) -> Self {
         let bytes = &program.sources[0].bytes;
         let (lines, inner) = counted(bytes);
         let (count, largest) = (lines.len(), largest(bytes, &lines, layout));

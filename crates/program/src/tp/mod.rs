@@ -40,7 +40,7 @@ pub(crate) struct Layout {
 
 impl FrontEnd for Layout {
     fn rewrite(&self, program: &Program, wanted: Wanted<'_>) -> Rewritten {
-        rewrite::rewrite(program, self, wanted.changes, wanted.inserts, wanted.options)
+        rewrite::rewrite(program, self, wanted)
     }
 
     fn passing(&self, program: &Program, target: usize) -> Passing {

@@ -4,10 +4,11 @@ use super::Layout;
 use super::position::{Body, Pose, WrittenConfig};
 use super::written::{DECIMALS, nearest};
 use super::{arcs, insert};
+use crate::front_end::Wanted;
 use crate::orientation::{from_zyx_deg, halfway, quaternion, rotation, zyx_deg};
-use crate::shared::agreed;
+use crate::shared::{Agreed, agreed};
 use crate::token::{New, single};
-use crate::{Change, Conf, Editable, Goal, Insert, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
+use crate::{Change, Conf, Editable, Goal, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
 use deflex_text::{Content, Edit, Span, Token};
 use std::collections::BTreeSet;
 
@@ -32,17 +33,12 @@ impl Print {
     }
 }
 
-pub(super) fn rewrite(
-    program: &Program,
-    layout: &Layout,
-    changes: &[Option<Change>],
-    inserts: &[Insert],
-    options: &RewriteOptions,
-) -> Rewritten {
-    let changes = &*agreed(changes, |i| layout.sites[i]);
-    let mut writer = Writer { program, layout, options, frozen: BTreeSet::new() };
+pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) -> Rewritten {
+    let Wanted { inserts, options, .. } = wanted;
+    let Agreed { changes, along, .. } = agreed(program, &wanted, |i| layout.sites[i].into_iter().collect());
+    let mut writer = Writer { program, layout, options, along, frozen: BTreeSet::new() };
     let (prints, mut kept) = loop {
-        let (prints, kept) = writer.prints(changes);
+        let (prints, kept) = writer.prints(&changes);
         if !writer.freeze(&kept) {
             break (prints, kept);
         }
@@ -70,7 +66,9 @@ pub(super) fn rewrite(
         let (from, to) = if between.first_half { (a, b) } else { (b, c) };
         written[between.target] = (arcs::middle([a.0, b.0, c.0], between.first_half), halfway(from.1, to.1));
     }
-    let mut out = Rewritten { edits: all, written, kept, ..Rewritten::default() };
+    let moves = |i: usize| layout.sites[i].is_some_and(|site| prints[site as usize].is_some());
+    let along = (0..writer.along.len()).filter(|i| writer.along[*i] && moves(*i)).collect();
+    let mut out = Rewritten { edits: all, written, kept, along, ..Rewritten::default() };
     insert::write(program, layout, inserts, options, &mut out);
     out
 }
@@ -78,7 +76,9 @@ pub(super) fn rewrite(
 struct Writer<'a> {
     program: &'a Program,
     layout: &'a Layout,
-    options: &'a RewriteOptions,
+    options: &'a RewriteOptions<'a>,
+    /// Whether each target goes where its position goes, without a wish of its own.
+    along: Vec<bool>,
     /// Positions that must stay because another point of their arc must.
     frozen: BTreeSet<u32>,
 }
@@ -89,7 +89,7 @@ impl Writer<'_> {
         let mut prints: Vec<Option<Print>> = vec![None; self.layout.positions.len()];
         let (mut kept, mut refused) = (Vec::new(), BTreeSet::new());
         let mut wishes: Vec<(usize, u32, Result<Print, Reason>)> = Vec::new();
-        for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate() {
+        for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate().filter(|(i, _)| !self.along[*i]) {
             let target = &self.program.targets[i];
             let pose = site.and_then(|site| Some((site, self.pose(site)?)));
             let wish = match (target.editable, pose, change) {

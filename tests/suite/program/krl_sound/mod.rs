@@ -10,10 +10,10 @@ mod machine;
 mod syntax;
 mod value;
 
-use deflex::program::{Change, Editable, Goal, Program, Reason, RewriteOptions, krl};
+use deflex::program::{Change, Editable, Goal, Motion as Path, Program, Reason, RewriteOptions, krl};
 use deflex::text::{Source, applied};
 use machine::{FIRST_BASE, FIRST_TOOL, Machine, Motion, TABLE};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use value::{Matrix, matrix, of_quat, times, turn};
 
 /// Half a digit of three decimals, in single precision at 1 m.
@@ -102,12 +102,29 @@ fn said(program: &Program, changes: &[Option<Change>], kept: &[(usize, Reason)])
     whole.chain(unchanged).chain(kept.iter().map(|(i, _)| place(*i))).collect()
 }
 
+/// Where a motion goes that cuts nothing and shares numbers with one that cuts.
+struct Went {
+    by_mm: [f64; 3],
+    turned: Matrix,
+}
+
 /// How many motions of the runs are corrected, or what is wrong.
 fn judge(texts: &[(String, String)]) -> Result<usize, String> {
     let sources = texts.iter().map(|(name, text)| Source::new(name.clone(), text.clone())).collect();
     let program = krl::read(sources, Vec::new()).map_err(|errors| format!("refused: {}", errors[0]))?;
-    let changes = changes(&program);
-    let rewritten = program.rewrite(&changes, &[], &RewriteOptions::default());
+    // In every second program, joint motions cut nothing.
+    let is_even = texts.iter().map(|(_, text)| text.len()).sum::<usize>() % 2 == 0;
+    let air: Vec<bool> = program.targets.iter().map(|target| is_even && target.motion == Path::Joint).collect();
+    let mut changes = changes(&program);
+    changes.iter_mut().zip(&air).filter(|(_, air)| **air).for_each(|(change, _)| *change = None);
+    let rewritten = program.rewrite(&changes, &[], &RewriteOptions { air: &air, ..RewriteOptions::default() });
+    let mut along: BTreeMap<(usize, u32), Vec<Went>> = BTreeMap::new();
+    for &i in &rewritten.along {
+        let (target, (to, quat)) = (&program.targets[i], rewritten.written[i]);
+        let Goal::Pose { position_mm, .. } = target.goal else { return Err("what is no point goes along".into()) };
+        let went = Went { by_mm: std::array::from_fn(|i| to[i] - position_mm[i]), turned: of_quat(quat) };
+        along.entry((usize::from(target.source), target.line)).or_default().push(went);
+    }
     let said = said(&program, &changes, &rewritten.kept);
     let write = |i: usize| {
         let out = applied(&program.sources[i].bytes, &rewritten.edits[i]);
@@ -146,9 +163,10 @@ fn judge(texts: &[(String, String)]) -> Result<usize, String> {
                 return Err(format!("runs differently: {} {ended:?}, now {} {ended_now:?}", old.len(), new.len()));
             }
             for (old, new) in old.iter().zip(&new) {
-                let is_said = said.contains(&(old.file, old.line));
+                let (is_said, along) = (said.contains(&(old.file, old.line)), along.get(&(old.file, old.line)));
                 corrected += usize::from(
-                    compare(old, new, is_said).map_err(|why| format!("{} {}: {why}", texts[old.file].0, old.line))?,
+                    compare(old, new, is_said, along.map_or(&[], Vec::as_slice))
+                        .map_err(|why| format!("{} {}: {why}", texts[old.file].0, old.line))?,
                 );
             }
         }
@@ -157,7 +175,7 @@ fn judge(texts: &[(String, String)]) -> Result<usize, String> {
 }
 
 /// Whether a motion is corrected; an error where it is neither that nor left and said to be.
-fn compare(old: &Motion, new: &Motion, is_said: bool) -> Result<bool, String> {
+fn compare(old: &Motion, new: &Motion, is_said: bool, along: &[Went]) -> Result<bool, String> {
     let same = (old.file, old.line, &old.kind, old.base, old.tool, old.holds_part, old.e1)
         == (new.file, new.line, &new.kind, new.base, new.tool, new.holds_part, new.e1);
     if !same {
@@ -180,6 +198,16 @@ fn compare(old: &Motion, new: &Motion, is_said: bool) -> Result<bool, String> {
     }
     if *loose || old.holds_part {
         return Err(format!("is edited: {old:?}, now {new:?}"));
+    }
+    if !along.is_empty() {
+        let is = |went: &Went| {
+            let by = (0..3).all(|i| (new_end[i] - end[i] - went.by_mm[i]).abs() < TOLERANCE_MM);
+            by && apart(&matrix(*new_end), &went.turned) < TOLERANCE_RAD
+        };
+        return match via.is_none() && along.iter().any(is) {
+            true => Ok(false),
+            false => Err(format!("goes along, and not where it is said to: {old:?}, now {new:?}")),
+        };
     }
     let frame = |six: [f64; 6]| ([six[0], six[1], six[2]], matrix(six));
     let by = |at: [f64; 3]| shift(frame(old.base), frame(old.tool), at, old.e1);
