@@ -145,7 +145,7 @@ pub(super) fn summary_text(summary: &FileSummary, kind: PathKind) -> String {
     if kind == PathKind::Compensate && summary.counts.corrected > 0 {
         add("remaining at targets", None, summary.counts.max_remaining_mm);
         if summary.counts.along > 0 {
-            add(&format!("{} air targets moved along", summary.counts.along), None, summary.counts.max_along_mm);
+            add(&format!("air, moved with a cut ({})", summary.counts.along), None, summary.counts.max_along_mm);
         }
         if summary.counts.max_kept_mm > 0.0 {
             add("remaining at kept targets", None, summary.counts.max_kept_mm);

@@ -61,8 +61,12 @@ pub fn round_trip(
 
     let mut changes: Vec<Option<Change>> = program.targets.iter().map(|t| shifted(&t.goal)).collect();
     let rewritten = program.rewrite(&changes, &[], &options);
-    for &i in &rewritten.along {
-        changes[i] = Some(Change { position_mm: rewritten.written[i].0, quat: None, conf: None, external: None });
+    for (i, change) in changes.iter_mut().enumerate() {
+        if rewritten.along.binary_search(&i).is_ok() {
+            *change = Some(Change { position_mm: rewritten.written[i].0, quat: None, conf: None, external: None });
+        } else if matches!(program.targets[i].editable, Editable::No(_)) {
+            *change = None;
+        }
     }
     let mut sources = program.edited(&rewritten.edits);
     let context = sources.split_off(program.written.min(sources.len()));
