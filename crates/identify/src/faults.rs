@@ -5,7 +5,7 @@
 //! on rows that neither has seen.
 
 use super::candidates;
-use super::decisions::MATERIAL;
+use super::decisions::{FAULT_GAIN, MATERIAL};
 use super::engine::Engine;
 use super::found::LeavingOut;
 use super::noise::Shape;
@@ -15,11 +15,6 @@ use super::search::Search;
 /// Number of faults that are fitted together with all members. On five cells of another plant with a turned or swapped
 /// column the right fault was among them.
 const FITTED: usize = 3;
-
-/// Share of the evidence of all members that a fault of the table must gain; less is an imperfection of their laws. On
-/// six cells with turned, swapped or late columns the fault gains 7 % and more. On seeds 1, 4, 9 and 701 of the kind
-/// `most` (samples/plant/judge.py), whose sensors are sound, the best fault gains 0.1 to 0.4 %.
-const SHARE: f64 = 0.02;
 
 impl Engine {
     /// Adds the fault of the table to the chosen members that gains most, if it reduces the mean square error at places,
@@ -36,25 +31,28 @@ impl Engine {
         };
         let faults: Vec<usize> = (0..self.candidates.len()).filter(is_open).collect();
         // With the right fault, the discrepancy that stood for it is no longer needed.
-        let shapes = [self.shape, Shape { field: None, ..self.shape }];
+        let mut shapes = vec![self.shape];
+        shapes.extend(self.shape.field.map(|_| Shape { field: None, ..self.shape }));
         let linear = self.linearise(&[&members[..], &faults].concat(), &shapes);
         let search = Search::new(&self.candidates, &linear.moments, &linear.always);
         let with = |c: usize| [&members[..], &[c]].concat();
         let evidence = |set: &[usize]| search.near(set, Some(self.sigma)).evidence;
         let value = evidence(&members);
-        let least = SHARE * (value - evidence(&[])).max(0.0);
+        let least = FAULT_GAIN * (value - evidence(&[])).max(0.0);
         let mut gains: Vec<(f64, usize)> = faults
             .iter()
             .map(|&c| (evidence(&with(c)) - value - search.price(c), c))
             .filter(|(gain, _)| *gain > least)
             .collect();
         gains.sort_by(|a, b| b.0.total_cmp(&a.0));
+        gains.truncate(FITTED);
         let unseen = |set: &[usize]| {
             let left = self.left_out(&linear, &search.columns(set), LeavingOut::Places);
             self.errors(&left.extended, |row| !row.held_out).rms_mm.powi(2)
         };
-        let most = (1.0 - MATERIAL) * unseen(&members);
-        let tried = gains.into_iter().take(FITTED).map(|(_, c)| c).filter(|&c| unseen(&with(c)) < most).collect();
+        // On most tables no fault gains enough, and nothing is left out.
+        let most = if gains.is_empty() { 0.0 } else { (1.0 - MATERIAL) * unseen(&members) };
+        let tried = gains.into_iter().map(|(_, c)| c).filter(|&c| unseen(&with(c)) < most).collect();
         let fault = self.best_fitted(&members, tried);
         let new = fault.filter(|&c| c >= first).map(|c| self.candidates[c].clone());
         self.candidates.truncate(first);
