@@ -46,6 +46,18 @@ fn a_force_column_with_its_sign_turned_is_said_and_nothing_is_added() {
 }
 
 #[test]
+fn forces_that_come_some_rows_late_are_said_with_their_number() {
+    const ROWS: usize = 4;
+    let mut late = table(NONE);
+    let read: Vec<_> = late.rows.iter().map(|row| row.force_n).collect();
+    late.rows.iter_mut().skip(ROWS).zip(read).for_each(|(row, force_n)| row.force_n = force_n);
+    let found = found(NONE, late, &cell(NONE));
+    assert!(found.added.is_empty(), "{:?}", found.added);
+    let said: Vec<&str> = found.unexplained.correlates.iter().map(|c| &c.with[..]).collect();
+    assert!(said.contains(&"the force, if each row has that of 4 rows before it"), "{said:?}");
+}
+
+#[test]
 fn a_part_that_slips_is_a_jump_at_its_row_and_no_effect() {
     let mut slipped = table(NONE);
     // Line 1 is the header.

@@ -163,7 +163,7 @@ const REFUSED: [(&str, Fault); 23] = [
 ];
 
 /// Faults that are reported in addition to the fitted effects.
-const SAID: [(&str, Fault); 15] = [
+const SAID: [(&str, Fault); 16] = [
     ("forces in pounds", |rows, _| forces(rows, |f| f.map(|v| v / 4.448))),
     ("forces in kilograms", |rows, _| forces(rows, |f| f.map(|v| v / 9.807))),
     ("readings in steps of 0.2 mm", |rows, _| points(rows, |p| p.map(|v| (v / 0.2).round() * 0.2))),
@@ -197,6 +197,7 @@ const SAID: [(&str, Fault); 15] = [
     }),
     ("forces one row late", |rows, _| late(rows, 1)),
     ("forces one row early", |rows, _| late(rows, -1)),
+    ("forces five rows late", |rows, _| late(rows, 5)),
 ];
 
 /// Whether a fault went unsaid.

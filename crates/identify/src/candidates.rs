@@ -262,6 +262,10 @@ pub(super) fn faults(problem: &Problem) -> Vec<Candidate> {
     all
 }
 
+/// Most rows by which a table can give the forces early or late: half a second of a filter or a buffer, for targets that
+/// are 2 mm apart at 40 mm/s.
+const MOST_LATE: isize = 10;
+
 /// Faults of the forces that the rows can show.
 pub(super) fn force_faults(survey: &Survey, problem: &Problem) -> Vec<Candidate> {
     // Forces that follow from a law or a stock are no readings.
@@ -274,7 +278,8 @@ pub(super) fn force_faults(survey: &Survey, problem: &Problem) -> Vec<Candidate>
     }
     let count = MIXED.len() as f64;
     let mixed = (0..MIXED.len()).map(|which| of_pattern(Pattern::MixedForce(which), problem, count));
-    let late = [1, -1].map(|by| of_pattern(Pattern::LateForce(by), problem, 2.0));
+    let lags = (1..=MOST_LATE).flat_map(|by| [by, -by]);
+    let late = lags.map(|by| of_pattern(Pattern::LateForce(by), problem, (2 * MOST_LATE) as f64));
     mixed.chain([of_pattern(Pattern::Crosstalk, problem, 1.0)]).chain(late).collect()
 }
 

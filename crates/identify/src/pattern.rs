@@ -175,8 +175,11 @@ impl Pattern {
                 format!("the force, if {} are meant", MIXED[which].0).replace("turned are", "turned is")
             }
             Self::Crosstalk => "the force, if each axis of the sensor shows something of the others".to_owned(),
-            Self::LateForce(by) if by > 0 => "the force, if each row has that of the row before it".to_owned(),
-            Self::LateForce(_) => "the force, if each row has that of the row after it".to_owned(),
+            Self::LateForce(by) => {
+                let (side, rows) = (if by > 0 { "before" } else { "after" }, by.unsigned_abs());
+                let rows = if rows == 1 { "the row".to_owned() } else { format!("{rows} rows") };
+                format!("the force, if each row has that of {rows} {side} it")
+            }
             Self::Joint(joint) => format!("sin(k·q{0}), cos(k·q{0})", joint + 1),
             Self::Time => "time".to_owned(),
             Self::Force => "cutting force".to_owned(),
