@@ -6,11 +6,14 @@ import os
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from deflex import _deflex
 from deflex._columns import DrivenPath, Moved, Numbers, Report, Residuals, SurfacePoints
-from deflex._deflex import Cell, Diagnostic
+from deflex._deflex import Cell, Diagnostic, Program
+
+if TYPE_CHECKING:
+    import pandas
 
 
 class Record(dict[str, Any]):
@@ -141,6 +144,9 @@ class Figures(Record):
 class _Result:
     """A result in the form of data, which can be pickled, copied and compared."""
 
+    #: The attribute that `save` writes for each ending of a file.
+    _saved: ClassVar[dict[str, str]] = {".json": "_json_text", ".html": "html"}
+
     def __init__(self, data: dict[str, Any]) -> None:
         self._data = data
 
@@ -168,9 +174,37 @@ class _Result:
         return list(self._data["notes"])
 
     @property
+    def _json_text(self) -> str:
+        return cast(str, self._data["json"])
+
+    @property
     def html(self) -> str:
         """The page, complete in one file."""
         return cast(str, self._data["page"])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the form of the answer that the ending of `path` names, all of it or nothing.
+
+        Every result has `.json` (what `json` contains) and `.html`. `.csv` is the table of the command, `.toml` the extended cell,
+        `.stl` the part that was cut, `.sarif` and `.xml` (JUnit) the findings of a check.
+
+        >>> deflex.check("samples/slot/slot.mod", "samples/slot/cell.toml", max_error_mm=0.02).save("verdict.stl")
+        Traceback (most recent call last):
+        ValueError: verdict.stl: a Check is saved as .json, .html, .csv, .sarif or .xml
+        """
+        attribute = self._saved.get(Path(path).suffix.lower())
+        if attribute is None:
+            *most, last = self._saved
+            raise ValueError(f"{path}: a {type(self).__name__} is saved as {', '.join(most)} or {last}")
+        form: str | bytes = getattr(self, attribute)
+        self._write([(Path(path), form.encode() if isinstance(form, str) else form)])
+
+    def _write(self, files: list[tuple[Path, bytes]]) -> None:
+        _deflex.write(files, *self._inputs())
+
+    def _inputs(self) -> tuple[Program | None, Cell | None]:
+        """What the result was computed from, whose files are never replaced."""
+        return None, None
 
     def _repr_html_(self) -> str:
         return _framed(self.html)
@@ -179,7 +213,32 @@ class _Result:
         return f"<{type(self).__name__}: {self.text.partition(chr(10))[0]}>"
 
 
-class _Run(_Result):
+class _Tabular(_Result):
+    """A result with a table: the CSV file that the command's `--report` writes."""
+
+    _saved = {**_Result._saved, ".csv": "csv"}
+
+    @property
+    def csv(self) -> str:
+        """The table as the command writes it."""
+        return cast(bytes, self._data["csv"]).decode()
+
+    @cached_property
+    def _columns(self) -> Any:
+        return _deflex.columns(self._data["csv"])
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """The table as a data frame, with the names, units and digits of the command's `--report`. This needs pandas.
+
+        >>> deflex.predict("samples/slot/slot.mod", "samples/slot/cell.toml").to_pandas().shape
+        (81, 42)
+        """
+        import pandas
+
+        return pandas.DataFrame(self._columns)
+
+
+class _Run(_Tabular):
     """The result for one program."""
 
     def __init__(self, data: dict[str, Any], call: dict[str, Any]) -> None:
@@ -197,12 +256,10 @@ class _Run(_Result):
         `target` and `line` are int64, `name` and `status` str, all others float64 of shape (N,); NaN where the report has
         no figure.
         """
-        return cast(Report, _deflex.columns(self._data["csv"]))
+        return cast(Report, self._columns)
 
-    @property
-    def csv(self) -> str:
-        """The report as the command writes it."""
-        return cast(bytes, self._data["csv"]).decode()
+    def _inputs(self) -> tuple[Program | None, Cell | None]:
+        return self._call["program"], self._call["cell"]
 
     @property
     def html(self) -> str:
@@ -246,6 +303,8 @@ class Prediction(_Errors):
 
 class Check(_Run):
     """The verdict on a program: is each target, and the path to it, within tolerance and the limits of the robot?"""
+
+    _saved = {**_Run._saved, ".sarif": "sarif", ".xml": "junit"}
 
     @property
     def passed(self) -> bool:
@@ -315,15 +374,18 @@ class Correction(_Errors):
             path.parent.mkdir(parents=True, exist_ok=True)
         self._write(paths)
 
-    def _write(self, files: list[tuple[Path, bytes]]) -> None:
-        _deflex.write(files, self._call["program"], self._call["cell"])
-
     def _remaining(self) -> str:
         return f"; remaining at targets max {self.summary.max_remaining_mm:.6f} mm"
 
 
-class Identification(_Result):
-    """The effects that a cell lacks."""
+class _ExtendedCell(_Result):
+    """A result with an extended cell."""
+
+    _saved = {**_Result._saved, ".toml": "_cell_text"}
+
+    @property
+    def _cell_text(self) -> str:
+        return cast(str, self._data["cell"])
 
     def __init__(self, data: dict[str, Any], name: str) -> None:
         super().__init__(data)
@@ -331,6 +393,17 @@ class Identification(_Result):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self._data, self._name)
+
+    @cached_property
+    def cell(self) -> Cell:
+        """The extended cell, with the comments of the declared one."""
+        return Cell.parse(self._cell_text, self._name)
+
+
+class Identification(_ExtendedCell, _Tabular):
+    """The effects that a cell lacks."""
+
+    _saved = {**_Tabular._saved, **_ExtendedCell._saved}
 
     @property
     def added(self) -> list[Added]:
@@ -363,35 +436,25 @@ class Identification(_Result):
         return found
 
     @cached_property
-    def cell(self) -> Cell:
-        """The extended cell, with the comments of the declared one."""
-        return Cell.parse(self._data["cell"], self._name)
-
-    @cached_property
     def residuals(self) -> Residuals:
         """The columns of the command's `--report`: residuals of each row, mm; `target` is 0 between targets."""
-        return cast(Residuals, _deflex.columns(self._data["csv"]))
+        return cast(Residuals, self._columns)
+
+
+class _Printed(_Result):
+    """A result without a page: HTML shows what the command prints."""
 
     @property
-    def csv(self) -> str:
-        """The residuals as the command writes them."""
-        return cast(bytes, self._data["csv"]).decode()
+    def html(self) -> str:
+        """What the command prints, as HTML."""
+        return f"<pre>{html.escape(self.text)}</pre>"
+
+    def _repr_html_(self) -> str:
+        return self.html
 
 
-class PathLaw(_Result):
-    """The law of the path that a controller drives, from logs of its axes."""
-
-    def __init__(self, data: dict[str, Any], name: str) -> None:
-        super().__init__(data)
-        self._name = name
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self._data, self._name)
-
-    @cached_property
-    def cell(self) -> Cell:
-        """The cell with the law in `[controller.path]`."""
-        return Cell.parse(self._data["cell"], self._name)
+class PathLaw(_ExtendedCell, _Printed):
+    """The law of the path that a controller drives, from logs of its axes. The extended cell has it in `[controller.path]`."""
 
 
 class Planned(_Result):
@@ -399,6 +462,8 @@ class Planned(_Result):
 
     Everything that `deflex plan --json` writes is in `json`: `rows`, `pairs`, `weakest`, `chance_right`, …
     """
+
+    _saved = {**_Result._saved, ".csv": "table"}
 
     @property
     def program(self) -> str:
@@ -411,8 +476,10 @@ class Planned(_Result):
         return cast(str, self._data["table"])
 
 
-class Simulation(_Result):
+class Simulation(_Tabular):
     """The part as the loaded arm cuts it from the stock, compared with the programmed part."""
+
+    _saved = {**_Tabular._saved, ".stl": "stl"}
 
     @property
     def summary(self) -> Figures:
@@ -422,12 +489,7 @@ class Simulation(_Result):
     @cached_property
     def report(self) -> SurfacePoints:
         """Points of the cut surface, by column: `x_mm`, `y_mm`, `z_mm` in the stock's frame and `deviation_mm` (above zero: left over), (N,)."""
-        return cast(SurfacePoints, _deflex.columns(self._data["csv"]))
-
-    @property
-    def csv(self) -> str:
-        """The points as the command writes them."""
-        return cast(bytes, self._data["csv"]).decode()
+        return cast(SurfacePoints, self._columns)
 
     @property
     def stl(self) -> bytes:
@@ -439,7 +501,7 @@ class Simulation(_Result):
         return f"<Simulation: deviation of the surface rms {summary.rms_mm:.4f} mm, max {summary.max_mm:.4f} mm>"
 
 
-class Difference(_Result):
+class Difference(_Tabular):
     """What changed between two programs, target by target."""
 
     def __bool__(self) -> bool:
@@ -449,15 +511,10 @@ class Difference(_Result):
     @cached_property
     def report(self) -> Moved:
         """The targets that moved, by column, with names, units and digits of the command's `--report`."""
-        return cast(Moved, _deflex.columns(self._data["csv"]))
-
-    @property
-    def csv(self) -> str:
-        """The targets that moved, as the command writes them."""
-        return cast(bytes, self._data["csv"]).decode()
+        return cast(Moved, self._columns)
 
 
-class Inspection(_Result):
+class Inspection(_Printed):
     """What deflex understands of programs."""
 
     @property
@@ -465,11 +522,3 @@ class Inspection(_Result):
         """A record for each file, as in `--json`: `path`, `language`, `motion_targets`, `refused`, `kept`, `tools`, …"""
         found: list[Record] = self.json["files"]
         return found
-
-    @property
-    def html(self) -> str:
-        """The table that the command prints, as HTML."""
-        return f"<pre>{html.escape(self.text)}</pre>"
-
-    def _repr_html_(self) -> str:
-        return self.html

@@ -1,11 +1,11 @@
 """Converts tables of any kind to the text of a CSV file."""
 
-import csv
-import io
 import math
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
+
+import numpy as np
 
 from deflex import _deflex
 
@@ -39,18 +39,33 @@ def given(table: Table, name: str = "<table>") -> tuple[str, bytes]:
     if len({len(column) for column in columns}) > 1:
         lengths = ", ".join(f"{name}: {len(column)}" for name, column in zip(names, columns))
         raise ValueError(f"columns differ in length: {lengths}")
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
-    writer.writerows(zip(*([_field(value) for value in column] for column in columns)))
-    return name, text.getvalue().encode()
+    return name, _deflex.table_text([(str(name), column) for name, column in zip(names, columns)])
 
 
-def _values(column: Any) -> list[Any]:
+def _values(column: Any) -> Any:
+    """The values of a column: an array of numbers, or the text of each field."""
+    array = _numbers(column)
+    if array is not None and array.ndim == 1:
+        if array.dtype.kind == "f":
+            return array.astype(np.float64)
+        if array.dtype.kind in "iub" and np.can_cast(array.dtype, np.int64):
+            return array.astype(np.int64)
     for to_list in ("tolist", "to_list"):
         if hasattr(column, to_list):
-            return list(getattr(column, to_list)())
-    return list(column)
+            column = getattr(column, to_list)()
+    return [_field(value) for value in column]
+
+
+def _numbers(column: Any) -> Any:
+    if hasattr(column, "__array__"):
+        return np.asarray(column)
+    if not isinstance(column, (list, tuple)):
+        return None
+    values = cast(Sequence[object], column)
+    kinds = {type(value) for value in values}
+    # Of one kind alone: NumPy would convert numbers next to texts, and True to 1.0 next to floats.
+    is_of_numbers = len(kinds) == 1 and issubclass(kinds.pop(), (bool, int, float, np.bool_, np.number))
+    return np.asarray(values) if is_of_numbers else None
 
 
 def _field(value: Any) -> str:

@@ -131,10 +131,10 @@ impl Cell {
     /// The actual TCP poses of the loaded arm, (N, 4, 4), mm; NaN if there is no equilibrium.
     ///
     /// `q` (N, 6), commanded axis angles, degrees; `forces` (N, 3) on the tool at the TCP, N. Both forces and poses are in the axes
-    /// of the robot's base, or of the work object `wobj`. `units` says where mechanical units stand: positions (N,) or one for
-    /// all by the unit's name, mm or degrees. Effects may ask for more, an (N, …) array or one row or value for all: `travel`
-    /// (N, 6), how each axis moved into the pose (signs count); `velocity` (N, 3) of the TCP, mm/s; `time_s`, `temperature_c` and
-    /// `cut_m`, the length cut (N,). Raises `DeflexError` where something that matters is not given, or a unit is beyond its limits.
+    /// of the robot's base, or of the work object `wobj`. `units` has the positions of mechanical units by the unit's name, (N,) or one
+    /// for all, mm or degrees. Effects may need more, each an (N, …) array or one row or value for all: `travel`
+    /// (N, 6), how each axis moved into the pose (only the signs matter); `velocity` (N, 3) of the TCP, mm/s; `time_s`, `temperature_c` and
+    /// `cut_m`, the length cut (N,). Raises `DeflexError` if a needed value is missing, or a unit is beyond its limits.
     ///
     /// >>> import deflex, numpy
     /// >>> cell = deflex.Cell.read("samples/slot/cell.toml")

@@ -3,7 +3,12 @@ use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
 use pyo3::{create_exception, intern};
 
-create_exception!(deflex, DeflexError, PyException, "Why there is no answer; `diagnostics` says it place by place.");
+create_exception!(
+    deflex,
+    DeflexError,
+    PyException,
+    "Why there is no answer; `diagnostics` has a message for each place."
+);
 
 /// A message: what is wrong, where, and what to do.
 #[pyclass(frozen, eq, hash, module = "deflex")]
@@ -21,10 +26,10 @@ pub(crate) struct Diagnostic {
     /// What to do.
     #[pyo3(get)]
     help: Option<String>,
-    /// File; empty where none is concerned.
+    /// File; empty if the message concerns none.
     #[pyo3(get)]
     file: String,
-    /// Line from 1; 0 where the whole file is meant.
+    /// Line from 1; 0 if the message concerns the whole file.
     #[pyo3(get)]
     line: usize,
     /// Column from 1.
@@ -34,24 +39,24 @@ pub(crate) struct Diagnostic {
 }
 
 impl From<text::Diagnostic> for Diagnostic {
-    fn from(said: text::Diagnostic) -> Self {
-        let mut text = said.to_string();
-        if let Some(help) = &said.help {
+    fn from(message: text::Diagnostic) -> Self {
+        let mut text = message.to_string();
+        if let Some(help) = &message.help {
             text += "\n  help: ";
             text += &printable_line(help);
         }
         Self {
-            code: said.code.to_owned(),
-            severity: match said.severity {
+            code: message.code.to_owned(),
+            severity: match message.severity {
                 Severity::Note => "note".to_owned(),
                 Severity::Warning => "warning".to_owned(),
                 Severity::Error => "error".to_owned(),
             },
-            message: said.message,
-            help: said.help,
-            file: said.file,
-            line: said.line,
-            column: said.column,
+            message: message.message,
+            help: message.help,
+            file: message.file,
+            line: message.line,
+            column: message.column,
             text,
         }
     }
@@ -69,8 +74,8 @@ impl Diagnostic {
 }
 
 /// Messages as Python sees them.
-pub(crate) fn diagnostics(said: Vec<text::Diagnostic>) -> Vec<Diagnostic> {
-    said.into_iter().map(Diagnostic::from).collect()
+pub(crate) fn diagnostics(messages: Vec<text::Diagnostic>) -> Vec<Diagnostic> {
+    messages.into_iter().map(Diagnostic::from).collect()
 }
 
 /// The exception for errors.
@@ -95,17 +100,20 @@ impl<T> OrRaise<T> for Result<T, Vec<text::Diagnostic>> {
     }
 }
 
-/// A message in parts, from which another process makes it again: code, severity, message, help, file, text, line and column.
+/// The parts of a message, which `pickle` passes to another process: code, severity, message, help, file, text, line and column.
 type MessageParts = (String, String, String, Option<String>, String, String, usize, usize);
 
 /// The parts of a message.
 #[pyfunction]
-pub(crate) fn diagnostic_parts(said: &Diagnostic) -> MessageParts {
-    let said = said.clone();
-    (said.code, said.severity, said.message, said.help, said.file, said.text, said.line, said.column)
+pub(crate) fn diagnostic_parts(message: &Diagnostic) -> MessageParts {
+    let message = message.clone();
+    (
+        message.code, message.severity, message.message, message.help, message.file, message.text, message.line,
+        message.column,
+    )
 }
 
-/// A message of its parts.
+/// The message with these parts.
 #[pyfunction]
 pub(crate) fn diagnostic_of(parts: MessageParts) -> Diagnostic {
     let (code, severity, message, help, file, text, line, column) = parts;

@@ -1,5 +1,5 @@
-//! The Python module: the library's public functions, with NumPy arrays for tables and Python's exceptions for errors. What
-//! it says to Python stands in `deflex/_deflex.pyi`; how it looks there, in `deflex/*.py`.
+//! The Python module: the library's public functions, with NumPy arrays for tables and Python's exceptions for errors. Their
+//! Python signatures are in `deflex/_deflex.pyi`, and the public interface is in `deflex/*.py`.
 
 mod arrays;
 mod cell;
@@ -15,6 +15,8 @@ use pyo3::prelude::*;
 /// The compiled half of `deflex`.
 #[pymodule]
 mod _deflex {
+    #[pymodule_export]
+    use super::arrays::table_text;
     #[pymodule_export]
     use super::cell::Cell;
     #[pymodule_export]
@@ -34,7 +36,7 @@ mod _deflex {
     use super::{main, version};
 }
 
-/// Runs the command line in this process, which is its own: exit code.
+/// Runs the command line in this process and returns its exit code.
 #[pyfunction]
 fn main(py: Python<'_>, args: Vec<std::ffi::OsString>) -> u8 {
     py.detach(|| deflex::cli::main(args))

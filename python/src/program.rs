@@ -86,10 +86,11 @@ impl Program {
 /// A named text.
 type Named = (String, PyBackedBytes);
 
-/// A program in parts: name, language, files under their names, files that go with them, and files that declare names.
+/// The parts of a program, which `pickle` passes to another process: name, language, files under their names, files that go
+/// with them, and files that declare names.
 type Parts = (String, String, Vec<Named>, Vec<PathBuf>, Vec<(PathBuf, PyBackedBytes)>, Vec<Named>);
 
-/// The parts of a program, from which another process makes it again.
+/// The parts of a program.
 #[pyfunction]
 #[allow(clippy::type_complexity)] // a tuple for `pickle`
 pub(crate) fn program_parts<'py>(
@@ -111,7 +112,7 @@ pub(crate) fn program_parts<'py>(
     (name, language.word(), named(&texts), files, companions, named(&context))
 }
 
-/// A program of its parts.
+/// The program with these parts.
 #[pyfunction]
 pub(crate) fn program_of(parts: Parts) -> PyResult<Program> {
     let (name, language, texts, files, companions, context) = parts;

@@ -26,7 +26,7 @@ impl Robot {
     }
 }
 
-/// The frame that is asked about, in the flange.
+/// The frame whose pose is computed, in the flange; the flange itself if none is given.
 fn frame(matrix: Option<&Rows<'_>>) -> PyResult<Pose> {
     let Some(matrix) = matrix else { return Ok(Pose::identity()) };
     let found = rows::<4>("tool", matrix)?;
@@ -81,7 +81,8 @@ impl Robot {
 
     /// Axis angles (N, 6), degrees, that reach poses (N, 4, 4), mm, in the base; NaN if none do.
     ///
-    /// `near` (N, 6) chooses the branch of each; (1, 6) where a path starts, along which each is nearest to the one before.
+    /// `near` (N, 6) chooses the nearest solution for each pose. With `near` (1, 6), the poses are a path that starts there, and each
+    /// solution is the nearest to the previous one.
     ///
     /// >>> import deflex, numpy
     /// >>> robot = deflex.Robot("irb6660-205-1.9")
@@ -169,7 +170,7 @@ impl Robot {
     }
 }
 
-/// What another process makes a robot from: its model, and the cell that describes it.
+/// The parts of a robot, which `pickle` passes to another process: its model, and the cell that describes it.
 #[pyfunction]
 pub(crate) fn robot_parts(robot: &Robot) -> (String, Option<Cell>) {
     (robot.robot.model.to_string(), robot.cell.clone())

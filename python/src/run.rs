@@ -121,13 +121,13 @@ impl Call<'_> {
     }
 }
 
-/// What a run of one program comes to.
+/// The result of a run of one program.
 struct Done {
     files: Vec<(PathBuf, Vec<u8>)>,
     csv: Vec<u8>,
     json: String,
     text: String,
-    /// The answer of a check in the forms that CI systems read.
+    /// The findings of a check in the formats that CI systems read.
     forms: Vec<(&'static str, String)>,
     notes: Vec<Diagnostic>,
 }
@@ -164,7 +164,7 @@ impl Job {
     }
 }
 
-/// Results as Python has them.
+/// A result as a dictionary of Python.
 fn results<'py>(
     py: Python<'py>,
     texts: impl IntoIterator<Item = (&'static str, String)>,
@@ -221,7 +221,7 @@ pub(crate) fn page(py: Python<'_>, call: Call<'_>) -> PyResult<String> {
     work::detached(py, page).or_raise(py)
 }
 
-/// The numbers of its report as they are before they are printed.
+/// The numbers of the report of a run with all digits.
 #[pyfunction]
 pub(crate) fn unrounded<'py>(py: Python<'py>, call: Call<'py>) -> PyResult<Bound<'py, PyDict>> {
     let job = call.job();
@@ -253,12 +253,12 @@ pub(crate) fn driven_path<'py>(py: Python<'py>, call: Call<'py>) -> PyResult<Bou
 pub(crate) fn write(
     py: Python<'_>,
     files: Vec<(PathBuf, PyBackedBytes)>,
-    program: PyRef<'_, Program>,
-    cell: PyRef<'_, Cell>,
+    program: Option<PyRef<'_, Program>>,
+    cell: Option<PyRef<'_, Cell>>,
 ) -> PyResult<()> {
-    let parts = program.files.parts();
-    let read = parts.texts.into_iter().chain(parts.context).map(|source| source.name);
-    let read: Vec<String> = read.chain([cell.file.source().name.clone()]).collect();
+    let parts = program.into_iter().map(|program| program.files.parts());
+    let texts = parts.flat_map(|parts| parts.texts.into_iter().chain(parts.context)).map(|source| source.name);
+    let read: Vec<String> = texts.chain(cell.map(|cell| cell.file.source().name.clone())).collect();
     work::run(py, (None, 0), move |_| {
         session::write(files.iter().map(|(path, bytes)| (path.clone(), &bytes[..])), &read)
     })
@@ -323,7 +323,7 @@ pub(crate) fn init(
     work::detached(py, || session::init(from)).or_raise(py)
 }
 
-/// Names of the columns of measured files, and how far from the path a row without a target may lie, mm.
+/// Names of the columns of measured files, and largest distance from the path of a row without a target, mm.
 struct ReadAs(Option<ColumnNames>, f64);
 
 /// Parts of the work that progress is counted in.
@@ -335,7 +335,7 @@ fn steps(share: f64) -> u64 {
     (share * STEPS as f64) as u64
 }
 
-/// How measured files are read: tool, names of the columns, and how far from the path a row without a target may lie, mm.
+/// How measured files are read: the tool, names of the columns, and largest distance from the path of a row without a target, mm.
 type Reading = (Option<String>, Option<String>, Option<f64>);
 
 fn read_as(columns: Option<&str>, match_mm: Option<f64>) -> Result<ReadAs, Vec<Diagnostic>> {
@@ -349,7 +349,7 @@ impl ReadAs {
     }
 }
 
-/// Identifies.
+/// Identifies the effects that a cell lacks.
 #[pyfunction]
 pub(crate) fn identify<'py>(
     py: Python<'py>,
@@ -415,7 +415,7 @@ pub(crate) fn identify_path<'py>(
     results(py, texts, [], Vec::new())
 }
 
-/// Cuts.
+/// Simulates the cut.
 #[pyfunction]
 pub(crate) fn simulate<'py>(
     py: Python<'py>,
@@ -434,7 +434,7 @@ pub(crate) fn simulate<'py>(
     results(py, texts, bytes, notes)
 }
 
-/// Plans.
+/// Plans a measurement.
 #[pyfunction]
 pub(crate) fn plan<'py>(
     py: Python<'py>,
@@ -456,13 +456,13 @@ pub(crate) fn plan<'py>(
     let cell = Arc::clone(&cell.file);
     let texts = work::run(py, (progress.as_ref(), STEPS), move |follow| {
         let follow = follow.follow();
-        let tell = |share: f64| {
+        let progress = |share: f64| {
             follow(0, steps(share));
         };
         let after = after.map(|json| Source::new("<identification>", json));
         let language = post.or(cell.cell().language).unwrap_or(Language::Rapid);
         let program = PlanProgram { name: &name, language, ask };
-        let planned = session::plan(&cell, rows, &pool, after.as_ref(), program, &tell)?;
+        let planned = session::plan(&cell, rows, &pool, after.as_ref(), program, &progress)?;
         let (json, page, text) = (planned.json()?, planned.page(), plan_text(&planned.found));
         let found = planned.found;
         Ok([("json", json), ("page", page), ("text", text), ("program", found.program), ("table", found.table)])

@@ -1,4 +1,4 @@
-//! Long work on a thread of its own: Python's other threads run meanwhile, Ctrl-C is heard, and progress is told.
+//! Does long work on a separate thread, so that Python's other threads run, Ctrl-C stops it, and a callback receives the progress.
 
 use crate::errors::raised;
 use deflex::session::Follow;
@@ -11,37 +11,37 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How long Ctrl-C may wait: less than a person notices.
+/// Interval between two looks at signals and progress, shorter than a person notices.
 const TICK: Duration = Duration::from_millis(50);
 
-/// As much stack as a main thread has: equilibria of many targets at once stand on it.
+/// Stack of a thread, bytes, as large as that of a main thread: the equilibria of a batch of targets are on it.
 const STACK_BYTES: usize = 8 << 20;
 
-/// Does short work without Python's lock, on the threads of this process.
+/// Does short work on the threads of this process, without Python's global lock.
 pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> T {
     py.detach(|| pool().install(work))
 }
 
-/// The threads that share the work. A process that was forked has none of its parent's: it gets its own.
+/// The pool of threads of this process. A forked process has none of the threads of its parent and gets a new pool.
 fn pool() -> &'static ThreadPool {
-    /// By the process that has them.
+    /// The pool, with the identifier of the process that it belongs to.
     static POOL: Mutex<Option<(u32, &'static ThreadPool)>> = Mutex::new(None);
     let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
     match *pool {
         Some((process, pool)) if process == std::process::id() => pool,
         _ => {
             let builder = || ThreadPoolBuilder::new().stack_size(STACK_BYTES);
-            // One thread is the caller's own where the system gives no more.
+            // If the system starts no threads, the calling thread does the work.
             let started = builder().build().or_else(|_| builder().num_threads(1).use_current_thread().build());
-            // Never dropped: the parent's would wait for threads that are not there.
-            let started: &'static ThreadPool = Box::leak(Box::new(started.expect("a pool of the thread that asks")));
+            // The pool is never dropped: dropping that of the parent would wait for threads that this process does not have.
+            let started: &'static ThreadPool = Box::leak(Box::new(started.expect("a pool of the calling thread")));
             *pool = Some((std::process::id(), started));
             started
         }
     }
 }
 
-/// Where a run is.
+/// The progress of a run, and whether it has to stop.
 #[derive(Default)]
 pub(crate) struct Progress {
     bytes: AtomicU64,
@@ -49,7 +49,7 @@ pub(crate) struct Progress {
 }
 
 impl Progress {
-    /// For the run that it follows.
+    /// The function that the run calls with the bytes that it has processed; it returns whether the run goes on.
     pub(crate) fn follow(self: &Arc<Self>) -> Arc<Follow> {
         let progress = Arc::clone(self);
         Arc::new(move |_, bytes| {
@@ -59,8 +59,8 @@ impl Progress {
     }
 }
 
-/// Does it, and calls `callback(done, total)` with bytes of the program now and then, and at the end. What it raises, and
-/// Ctrl-C, calls the run off.
+/// Does the work and calls `callback(done, total)` at intervals and at the end, with bytes or parts of the work. An exception of the
+/// callback, or Ctrl-C, stops the run.
 pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     (callback, total): (Option<&Bound<'_, PyAny>>, u64),
@@ -68,32 +68,32 @@ pub(crate) fn run<T: Send + 'static>(
 ) -> PyResult<T> {
     let progress = Arc::new(Progress::default());
     let (send, done) = channel();
-    // Only this thread waits; a receiver may not be seen by two.
+    // `detach` needs a closure that other threads could run, and a receiver alone cannot be shared between threads.
     let done = Mutex::new(done);
-    let there = Arc::clone(&progress);
+    let of_run = Arc::clone(&progress);
     let thread = std::thread::Builder::new().name("deflex".to_owned()).stack_size(STACK_BYTES);
-    // Nobody waits any more where the run was called off.
-    thread.spawn(move || drop(send.send(pool().install(|| work(there)))))?;
-    let tell = |bytes: u64| callback.map_or(Ok(()), |callback| callback.call1((bytes, total)).map(drop));
-    let mut told = 0;
+    // After a stop there is no receiver, so the error of `send` has no meaning.
+    thread.spawn(move || drop(send.send(pool().install(|| work(of_run)))))?;
+    let report = |bytes: u64| callback.map_or(Ok(()), |callback| callback.call1((bytes, total)).map(drop));
+    let mut reported = 0;
     loop {
         let result = py.detach(|| {
             let result = done.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(TICK);
             (result, progress.bytes.load(Ordering::Relaxed))
         });
-        let heard = match result {
-            (Ok(Ok(value)), _) => return tell(total).map(|()| value),
+        let called = match result {
+            (Ok(Ok(value)), _) => return report(total).map(|()| value),
             (Ok(Err(errors)), _) => return Err(raised(py, errors)),
             (Err(RecvTimeoutError::Disconnected), _) => {
-                return Err(PyRuntimeError::new_err("deflex panicked: this is a defect, its message stands on stderr"));
+                return Err(PyRuntimeError::new_err("deflex panicked: this is a defect, stderr has its message"));
             }
-            (Err(RecvTimeoutError::Timeout), bytes) if bytes > told => {
-                told = bytes;
-                tell(bytes.min(total))
+            (Err(RecvTimeoutError::Timeout), bytes) if bytes > reported => {
+                reported = bytes;
+                report(bytes.min(total))
             }
             (Err(RecvTimeoutError::Timeout), _) => Ok(()),
         };
-        if let Err(stop) = heard.and_then(|()| py.check_signals()) {
+        if let Err(stop) = called.and_then(|()| py.check_signals()) {
             progress.stopped.store(true, Ordering::Relaxed);
             return Err(stop);
         }

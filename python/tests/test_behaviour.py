@@ -57,6 +57,34 @@ def test_what_is_shown():
     assert program.language == "rapid" and program.motion_targets == 81 and "slot.mod" in repr(program)
 
 
+def test_results_are_saved_in_the_form_that_the_ending_names(tmp_path):
+    program, cell = tmp_path / "slot.mod", tmp_path / "cell.toml"
+    program.write_bytes(open("samples/slot/slot.mod", "rb").read())
+    cell.write_bytes(open("samples/slot/cell.toml", "rb").read())
+    done = deflex.check(program, cell, max_error_mm=0.1)
+    forms = {"json": done._json_text, "csv": done.csv, "html": done.html, "sarif": done.sarif, "xml": done.junit}
+    for ending, form in forms.items():
+        done.save(tmp_path / f"verdict.{ending}")
+        assert (tmp_path / f"verdict.{ending}").read_bytes() == form.encode()
+    with pytest.raises(ValueError, match=r"a Check is saved as \.json, \.html, \.csv, \.sarif or \.xml"):
+        done.save(tmp_path / "verdict")
+    (tmp_path / "table.csv").symlink_to(program)
+    with pytest.raises(deflex.DeflexError):
+        done.save(tmp_path / "table.csv")
+    assert program.read_bytes() == open("samples/slot/slot.mod", "rb").read()
+    deflex.inspect(program).save(tmp_path / "inspection.html")
+    assert "slot.mod" in (tmp_path / "inspection.html").read_text()
+
+
+def test_tables_become_data_frames():
+    done = deflex.predict("samples/slot/slot.mod", "samples/slot/cell.toml")
+    frame = done.to_pandas()
+    assert list(frame.columns) == list(done.report) and len(frame) == 81
+    assert frame["error_mm"].to_numpy() == pytest.approx(done.report["error_mm"], nan_ok=True, abs=0)
+    frame["error_mm"] = 0.0
+    assert done.report["error_mm"].max() > 0
+
+
 def test_progress_is_told_and_its_errors_stop_the_run(long_program):
     told = []
     deflex.predict(long_program, "samples/slot/cell.toml", progress=lambda done, total: told.append((done, total)))
@@ -154,6 +182,9 @@ def test_tables_keep_every_bit():
     nullable = pandas.DataFrame({"target": pandas.array([1, None], dtype="Int64"), "holdout": [True, False]})
     assert given(nullable)[1] == b"target,holdout\n1,1\n,0\n"
     assert given({"target": np.array([1, 2]), "holdout": list(np.array([True, False]))})[1] == b"target,holdout\n1,1\n2,0\n"
+    assert given({"x": [0.1, -0.0, 1e-17, 1e300, 0.5], "n": [2**40, -1, 0, 7, None]})[1] == (
+        b"x,n\n0.1,1099511627776\n0,-1\n1e-17,0\n1e300,7\n0.5,\n"
+    )
     with pytest.raises(ValueError, match="differ in length"):
         given({"a": [1], "b": [1, 2]})
 
