@@ -1,99 +1,28 @@
 //! The closed arcs and split quadrature against a plain sum over the envelope, and the feed frame.
 
 use deflex::cutting::{Coefficients, Cutter, Engagement, Milling, Mode, feed_frame};
+use deflex_oracles::Mill;
+use deflex_oracles::cut::{ANGLES, Cut, Side, plain_sum};
 use nalgebra::{Rotation3, Unit, Vector3};
 use proptest::prelude::*;
-use std::f64::consts::{FRAC_PI_2, TAU};
 
 const STEEL: Coefficients = Coefficients { ktc: 1900e6, krc: 700e6, kac: 250e6, kte: 35e3, kre: 50e3, kae: 5e3 };
 
-/// Angles of the plain sum.
-const ANGLES: usize = 1400;
-
-/// How far to one side a cutter reaches at each height over its tip: its support points for normals from down to that side,
-/// sampled, and the shaft above.
-struct Reach {
-    /// Height and reach, from the lowest up.
-    points: Vec<[f64; 2]>,
-    slope: f64,
+/// The same cutter for a sum that shares no code with deflex.
+pub(crate) fn mill(c: &Cutter, k: &Coefficients) -> Mill {
+    let (chip, edge) = ([k.ktc, k.krc, k.kac], [k.kte, k.kre, k.kae]);
+    Mill { diameter: c.diameter, corner_radius: c.corner_radius, teeth: c.teeth, chip, edge }
 }
 
-impl Reach {
-    fn new(c: &Cutter, axis: &Vector3<f64>, sign: f64) -> Self {
-        const NORMALS: usize = 4000;
-        let (r, flat) = (c.corner_radius, 0.5 * c.diameter - c.corner_radius);
-        let down = -Vector3::z();
-        let side = Vector3::new(0.0, axis.z, -axis.y).normalize() * sign;
-        let point = |i: usize| {
-            let turn = i as f64 / NORMALS as f64;
-            let normal = down.lerp(&side, turn).normalize();
-            let across = normal - axis * normal.dot(axis);
-            let over_flat = across.try_normalize(1e-9).map_or_else(Vector3::zeros, |out| out * flat);
-            let p = (axis + normal) * r + over_flat;
-            [p.z, sign * p.y]
-        };
-        Self { points: (1..=NORMALS).map(point).collect(), slope: sign * axis.y / axis.z }
-    }
-
-    fn at(&self, z: f64) -> f64 {
-        let i = self.points.partition_point(|[height, _]| *height < z);
-        match (i.checked_sub(1).map(|i| self.points[i]), self.points.get(i)) {
-            (Some([low, from]), Some([high, to])) => from + (z - low) / (high - low) * (to - from),
-            (Some([side, reach]), None) => reach + (z - side) * self.slope,
-            (None, _) => self.points[0][1],
-        }
-    }
-}
-
-/// Midpoint sum over profile and angle, every element judged on its own in the feed frame.
-fn brute(c: &Cutter, e: &Engagement, shift: &Vector3<f64>, axis: &Vector3<f64>) -> Vector3<f64> {
-    let (radius, r) = (0.5 * c.diameter, c.corner_radius);
-    let nominal = Rotation3::from_axis_angle(&Vector3::x_axis(), e.tilt)
-        * Rotation3::from_axis_angle(&Vector3::y_axis(), e.lead)
-        * Vector3::z();
-    let tip_height = (radius - r) * nominal.x.hypot(nominal.y) + r * (1.0 - nominal.z);
-    let tip = Vector3::new(0.0, 0.0, tip_height - e.depth + shift.z);
-    let y = axis.cross(&Vector3::x()).normalize();
-    let x = y.cross(axis);
-    // Above this height along the axis nothing is below the stock's top.
-    let top = (-tip.z + radius * axis.x.hypot(axis.y)) / axis.z;
-    // The neighbouring pass has the same cutter and the same deflection: at each height it leaves a stepover of what this one reaches.
-    let sign = if e.mode == Mode::Down { -1.0 } else { 1.0 };
-    let across = nominal.cross(&Vector3::x()).normalize();
-    let along = across.cross(&nominal);
-    let reach = (e.mode != Mode::Slot).then(|| Reach::new(c, &nominal, sign));
-    const STEPS: usize = 700;
-    let corner_end = if top < r { (1.0 - top / r).acos() } else { FRAC_PI_2 };
-    let angles: Vec<(f64, f64)> = (0..ANGLES).map(|i| ((i as f64 + 0.5) * TAU / ANGLES as f64).sin_cos()).collect();
-    let mut sum = Vector3::zeros();
-    let mut ring = |kappa: f64, height: f64, width: f64| {
-        let (sk, ck) = kappa.sin_cos();
-        let rho = radius - r + r * sk;
-        for &(sp, cp) in &angles {
-            // φ from +y, clockwise seen from above.
-            let out = x * sp + y * cp;
-            let normal = out * sk - axis * ck;
-            let p = out * rho + axis * height;
-            if normal.x <= 0.0 || p.z + tip.z >= 0.0 {
-                continue;
-            }
-            let on_across = (along * sp + across * cp) * rho + nominal * height;
-            if reach.as_ref().is_some_and(|reach| sign * on_across.y < reach.at(on_across.z) - e.width) {
-                continue;
-            }
-            let h = e.feed_per_tooth * normal.x;
-            let (ft, fr, fa) = (STEEL.ktc * h + STEEL.kte, STEEL.krc * h + STEEL.kre, STEEL.kac * h + STEEL.kae);
-            sum += (x * -cp + y * sp) * (ft * width) - normal * (fr * width) - (out * ck + axis * sk) * (fa * width);
-        }
+/// The same cut for the plain sum.
+fn plain(c: &Cutter, e: &Engagement) -> Cut {
+    let previous_pass = match e.mode {
+        Mode::Slot => None,
+        Mode::Up => Some(Side::Right),
+        Mode::Down => Some(Side::Left),
     };
-    for i in 0..STEPS {
-        let kappa = (i as f64 + 0.5) * corner_end / STEPS as f64;
-        ring(kappa, r * (1.0 - kappa.cos()), r * corner_end / STEPS as f64);
-        if top > r {
-            ring(FRAC_PI_2, r + (i as f64 + 0.5) * (top - r) / STEPS as f64, (top - r) / STEPS as f64);
-        }
-    }
-    sum * f64::from(c.teeth) / ANGLES as f64
+    let Engagement { depth, width, feed_per_tooth, lead, tilt, .. } = *e;
+    Cut { mill: mill(c, &STEEL), previous_pass, depth, width, feed_per_tooth, lead, tilt }
 }
 
 fn cutters() -> impl Strategy<Value = Cutter> {
@@ -136,7 +65,7 @@ proptest! {
         let shift = Vector3::new(0.3, 0.2, dz * e.depth);
         let turn = Rotation3::from_scaled_axis(Vector3::new(ax, ay, 0.0));
         let axis = Unit::new_normalize(turn * m.axis_in_feed().into_inner());
-        let (got, want) = (m.mean_force(&shift, &axis), brute(&c, &e, &shift, &axis));
+        let (got, want) = (m.mean_force(&shift, &axis), plain_sum(&plain(&c, &e), &shift, &axis));
         // The scale: the whole engaged edge at the tangential edge force.
         let scale = want.norm() + STEEL.kte * f64::from(c.teeth) * 0.2 * e.depth;
         // Where hardly an edge is engaged, the plain sum's own step counts: half an angle's share of an edge that deep.
@@ -234,7 +163,10 @@ fn every_stepover_meets_material() {
     let cut = |c: Cutter, mode, depth: f64, width: f64| {
         let e = Engagement { mode, depth, width, feed_per_tooth: 7e-5, lead: 0.0, tilt: 0.0 };
         let m = Milling::new(c, e, STEEL).expect("a valid cut");
-        (m.mean_force(&Vector3::zeros(), &m.axis_in_feed()), brute(&c, &e, &Vector3::zeros(), &Vector3::z()))
+        (
+            m.mean_force(&Vector3::zeros(), &m.axis_in_feed()),
+            plain_sum(&plain(&c, &e), &Vector3::zeros(), &Vector3::z()),
+        )
     };
     let ball = Cutter { diameter: 10e-3, corner_radius: 5e-3, teeth: 2, helix: 0.5 };
     let bull = Cutter { diameter: 25e-3, corner_radius: 5e-3, teeth: 3, helix: 0.5 };

@@ -118,6 +118,16 @@ fn each_crate_depends_on_crates_above_it_in_the_table() {
     }
 }
 
+/// What checks deflex shares no code with it.
+#[test]
+fn the_oracles_of_the_tests_depend_on_no_crate_of_deflex() {
+    let manifest = std::fs::read_to_string(root().join("tests/oracles/Cargo.toml")).unwrap();
+    let manifest: toml::Table = toml::from_str(&manifest).unwrap();
+    let needed: Vec<&String> = manifest["dependencies"].as_table().unwrap().keys().collect();
+    assert_eq!(needed, ["nalgebra", "nom"]);
+    assert!(!manifest.contains_key("dev-dependencies") && !manifest.contains_key("build-dependencies"));
+}
+
 #[test]
 fn files_of_a_folder_do_not_import_one_another_in_a_circle() {
     let mut circles = BTreeSet::new();

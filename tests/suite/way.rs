@@ -1,12 +1,13 @@
 //! The way into a target: what a correction says of it is what the corrected program is judged to have.
 
-use crate::dense_walk::{CELL, followed, module, read};
+use crate::dense_walk::{CELL, module, read};
 use crate::units::{TABLE, TRACK, cell as cell_with};
 use deflex::cell::Cell;
 use deflex::correct::{Corrected, Options, Row, Status, WayFault, WayFinding, compensate, predict};
 use deflex::program::{Program, krl, rapid};
 use deflex::robot::LimitedAngle;
 use deflex::text::{Source, applied};
+use deflex_oracles::walk::{Way, followed};
 use std::fmt::Write;
 
 /// Agreement, mm.
@@ -292,7 +293,7 @@ fn a_limit_that_is_passed_between_targets_is_found_whatever_the_length() {
     for seed in 0..720 {
         let text = drawn_way(&mut Dice::new(7_000 + seed));
         let joints = |steps| -> Vec<[f64; 6]> {
-            followed(&text, steps).0.iter().map(|q| q.map(f64::to_degrees).into()).collect()
+            followed(&text, steps).joints.iter().map(|q| q.map(f64::to_degrees).into()).collect()
         };
         let coarse = joints(COARSE_STEPS);
         if (0..6).all(|axis| beyond_ends(&coarse, axis).0 < 0.04) {
@@ -338,7 +339,7 @@ fn the_fastest_place_of_a_way_is_found() {
     let mut judged = 0;
     for seed in 0..80 {
         let text = drawn_way(&mut Dice::new(9_000 + seed));
-        let (joints, length) = followed(&text, STEPS);
+        let Way { joints, length } = followed(&text, STEPS);
         let way: Vec<[f64; 6]> = joints.iter().map(|q| q.map(f64::to_degrees).into()).collect();
         if way.iter().any(|q| q[4] < 3.0) {
             continue;

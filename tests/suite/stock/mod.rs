@@ -1,11 +1,10 @@
-//! Material removal and engagement against closed forms and against a brute-force witness that shares nothing with it.
+//! Material removal and engagement against closed forms and against a brute-force sum that shares no code with it.
 
 mod distance;
 mod mesh;
 mod part;
 mod paths;
 mod program;
-mod witness;
 
 use deflex::cutting::{Coefficients, Cutter, Engagement, Milling, Mode};
 use deflex::stock::{Blank, Engaged, Front, Stock, ToolPose};

@@ -1,9 +1,10 @@
 //! Eight paths as shops run them: every force from the stock is compared with a sum over points of the front.
 
-use super::witness::{self, Move};
 use super::{FEED_PER_TOOTH, MM, block, coefficients, cutter};
+use crate::cutting_properties::mill;
 use deflex::cutting::Cutter;
 use deflex::stock::{Front, Stock, ToolPose};
+use deflex_oracles::swept::{self, Move, Pose};
 use nalgebra::{Unit, Vector3};
 
 /// Poses of one cutter after another; the way to a cutter's first pose does not cut.
@@ -41,11 +42,12 @@ fn errors(path: &Path, blank: [f64; 3], resolution_mm: f64, every: usize) -> (f6
     for (cutter, poses) in path {
         let front = Front::new(cutter, &coefficients());
         for pair in poses.windows(2) {
-            let now = Move { cutter: *cutter, from: pair[0], to: pair[1] };
+            let [from, to] = [&pair[0], &pair[1]].map(|pose| Pose { tip: pose.tip, axis: pose.axis });
+            let now = Move { mill: mill(cutter, &coefficients()), from, to };
             n += 1;
             if n % every == 0 {
                 let found = front.engaged(&stock, &pair[1], &(pair[1].tip - pair[0].tip));
-                let wanted = witness::force(&blank.bounds(), &before, &now, &coefficients(), FEED_PER_TOOTH);
+                let wanted = swept::force(&blank.bounds(), &before, &now, FEED_PER_TOOTH);
                 rows.push((found.force.at(FEED_PER_TOOTH), wanted));
             }
             volume += stock.remove(front.solid(), &pair[0], &pair[1]);

@@ -1,10 +1,12 @@
 //! Whether a text is derived by a grammar: all ends that a rule can have from a place, each found once.
 
-use super::notation::{Expr, Grammar, Id};
+use crate::notation::{Expr, Grammar, Id};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 
-pub(crate) struct Recogniser<'g, 't> {
+/// Finds what derives a text.
+#[derive(Debug)]
+pub struct Recogniser<'g, 't> {
     grammar: &'g Grammar,
     text: &'t [u8],
     known: HashMap<(Id, usize), Rc<BTreeSet<usize>>>,
@@ -14,17 +16,19 @@ pub(crate) struct Recogniser<'g, 't> {
 
 /// Where no derivation goes on.
 #[derive(Debug)]
-pub(crate) struct Stopped {
-    pub(crate) at: usize,
+pub struct Stopped {
+    /// Bytes before it.
+    pub at: usize,
 }
 
 impl<'g, 't> Recogniser<'g, 't> {
-    pub(crate) fn new(grammar: &'g Grammar, text: &'t [u8]) -> Self {
+    /// Of a text by a grammar.
+    pub fn new(grammar: &'g Grammar, text: &'t [u8]) -> Self {
         Self { grammar, text, known: HashMap::new(), furthest: 0 }
     }
 
     /// Whether the whole text is one `rule`, with space before and after it.
-    pub(crate) fn whole(&mut self, rule: &str) -> Result<(), Stopped> {
+    pub fn whole(&mut self, rule: &str) -> Result<(), Stopped> {
         let rule = &self.grammar.rules[rule];
         let ends = self.ends(rule.body, 0, rule.lexical);
         let done =
@@ -99,7 +103,7 @@ impl<'g, 't> Recogniser<'g, 't> {
         (hit && ends).then_some(end)
     }
 
-    /// Behind the space at a place.
+    /// The place after the space at a place.
     fn space(&mut self, at: usize) -> usize {
         match self.grammar.rules.get("space") {
             Some(rule) => self.ends(rule.body, at, true).last().copied().unwrap_or(at),

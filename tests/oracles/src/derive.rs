@@ -1,7 +1,7 @@
 //! Random texts of a grammar.
 
-use super::notation::{Expr, Grammar, Id};
-use super::recognise::Recogniser;
+use crate::notation::{Expr, Grammar, Id};
+use crate::recognise::Recogniser;
 
 /// More parts than this of a repetition are not derived.
 const MOST: u64 = 3;
@@ -9,7 +9,9 @@ const MOST: u64 = 3;
 /// How often a part is derived anew that is what it must not be.
 const TRIES: usize = 100;
 
-pub(crate) struct Deriver<'g> {
+/// Derives texts from a grammar.
+#[derive(Debug)]
+pub struct Deriver<'g> {
     grammar: &'g Grammar,
     /// Least number of rules within one another that an expression takes.
     depths: Vec<usize>,
@@ -18,7 +20,8 @@ pub(crate) struct Deriver<'g> {
 }
 
 impl<'g> Deriver<'g> {
-    pub(crate) fn new(grammar: &'g Grammar, seed: u64) -> Self {
+    /// The same seed derives the same texts.
+    pub fn new(grammar: &'g Grammar, seed: u64) -> Self {
         let mut depths = vec![usize::MAX; grammar.exprs.len()];
         // Until nothing gets less: as often as rules can stand within one another.
         loop {
@@ -41,7 +44,7 @@ impl<'g> Deriver<'g> {
     }
 
     /// A text of `rule`, of rules at most about `depth` within one another.
-    pub(crate) fn derive(&mut self, rule: &str, depth: usize) -> Vec<u8> {
+    pub fn derive(&mut self, rule: &str, depth: usize) -> Vec<u8> {
         let rule = &self.grammar.rules[rule];
         self.expr(rule.body, depth, rule.lexical);
         std::mem::take(&mut self.text)

@@ -1,17 +1,28 @@
-//! Mean forces by brute force: points on the cutter's front, each held against every place where a cutter has been.
-//! Conventions of the physics fact sheet (φ from the y axis, clockwise), nothing of the crate but the numbers of a cutter.
+//! Mean forces by brute force: points on the cutter's front, each held against every place where a cutter has been. φ is measured
+//! from the y axis, clockwise.
 
-use deflex::cutting::{Coefficients, Cutter};
-use deflex::stock::ToolPose;
+use crate::Mill;
 use nalgebra::{Unit, Vector3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
+/// A place of a cutter.
+#[derive(Clone, Copy, Debug)]
+pub struct Pose {
+    /// The lowest point on the axis of the cutter, m.
+    pub tip: Vector3<f64>,
+    /// From the tip to the shaft.
+    pub axis: Unit<Vector3<f64>>,
+}
+
 /// A move of a cutter.
-#[derive(Clone, Copy)]
-pub(super) struct Move {
-    pub(super) cutter: Cutter,
-    pub(super) from: ToolPose,
-    pub(super) to: ToolPose,
+#[derive(Clone, Copy, Debug)]
+pub struct Move {
+    /// The cutter.
+    pub mill: Mill,
+    /// Where the move begins.
+    pub from: Pose,
+    /// Where it ends.
+    pub to: Pose,
 }
 
 /// Places of a move that are looked at are so far apart, m, or turned by so much, rad.
@@ -21,12 +32,12 @@ const TURN: f64 = 0.005;
 /// Rounding of positions, m.
 const TOUCH: f64 = 1e-7;
 
-fn cylinder_and_corner(cutter: &Cutter, pose: &ToolPose, point: &Vector3<f64>) -> bool {
+fn cylinder_and_corner(mill: &Mill, pose: &Pose, point: &Vector3<f64>) -> bool {
     let from_tip = point - pose.tip;
     let up = from_tip.dot(&pose.axis);
     let across = (from_tip.norm_squared() - up * up).max(0.0).sqrt();
     // What the cutter touches it has taken.
-    let (radius, corner) = (0.5 * cutter.diameter + TOUCH, cutter.corner_radius);
+    let (radius, corner) = (0.5 * mill.diameter + TOUCH, mill.corner_radius);
     if up < -TOUCH || across > radius {
         return false;
     }
@@ -34,15 +45,15 @@ fn cylinder_and_corner(cutter: &Cutter, pose: &ToolPose, point: &Vector3<f64>) -
     up >= corner || out <= 0.0 || out.hypot(corner - up) <= corner + TOUCH
 }
 
-fn between(a: &ToolPose, b: &ToolPose, share: f64) -> ToolPose {
+fn between(a: &Pose, b: &Pose, share: f64) -> Pose {
     let axis = a.axis.slerp(&b.axis, share);
-    ToolPose { tip: a.tip + (b.tip - a.tip) * share, axis }
+    Pose { tip: a.tip + (b.tip - a.tip) * share, axis }
 }
 
 /// Whether a move has taken a point away.
 fn taken(step: &Move, point: &Vector3<f64>) -> bool {
     // No cutter is longer than a decimetre here.
-    let reach = 0.5 * step.cutter.diameter;
+    let reach = 0.5 * step.mill.diameter;
     let ends = [step.from, step.to].map(|pose| [pose.tip, pose.tip + pose.axis.into_inner() * 0.1]);
     let outside = |i: usize| {
         let at = ends.iter().flatten().map(|end| end[i]);
@@ -54,17 +65,11 @@ fn taken(step: &Move, point: &Vector3<f64>) -> bool {
     }
     let turn = step.from.axis.angle(&step.to.axis);
     let n = ((step.to.tip - step.from.tip).norm() / STEP).max(turn / TURN).ceil().max(1.0) as usize;
-    (0..=n).any(|i| cylinder_and_corner(&step.cutter, &between(&step.from, &step.to, i as f64 / n as f64), point))
+    (0..=n).any(|i| cylinder_and_corner(&step.mill, &between(&step.from, &step.to, i as f64 / n as f64), point))
 }
 
-/// Mean force on the tool at the end of a move, blank's axes, N.
-pub(super) fn force(
-    [low, high]: &[Vector3<f64>; 2],
-    before: &[Move],
-    now: &Move,
-    k: &Coefficients,
-    feed_per_tooth: f64,
-) -> Vector3<f64> {
+/// Mean force on the tool at the end of a move in a block, of which the moves before took their share, in the axes of the block, N.
+pub fn force([low, high]: &[Vector3<f64>; 2], before: &[Move], now: &Move, feed_per_tooth: f64) -> Vector3<f64> {
     const AROUND: usize = 144;
     const PER_MM: f64 = 10.0;
     let feed = (now.to.tip - now.from.tip).normalize();
@@ -74,7 +79,7 @@ pub(super) fn force(
     let yc = if across.norm() > 1e-9 { across.normalize() } else { oz.cross(&Vector3::new(0.3, 0.9, 0.1)).normalize() };
     let xc = yc.cross(&oz);
     let (fx, fy, fz) = (feed.dot(&xc), feed.dot(&yc), feed.dot(&oz));
-    let (radius, corner) = (0.5 * now.cutter.diameter, now.cutter.corner_radius);
+    let (radius, corner) = (0.5 * now.mill.diameter, now.mill.corner_radius);
     let mut sum = Vector3::zeros();
     let mut add = |sin_k: f64, cos_k: f64, rho: f64, z: f64, width: f64| {
         for j in 0..AROUND {
@@ -89,8 +94,7 @@ pub(super) fn force(
             {
                 continue;
             }
-            let h = feed_per_tooth * chip;
-            let (ft, fr, fa) = (k.ktc * h + k.kte, k.krc * h + k.kre, k.kac * h + k.kae);
+            let [ft, fr, fa] = now.mill.edge_force(feed_per_tooth * chip);
             let on_tool = xc * (-c * ft - sin_k * s * fr - cos_k * s * fa)
                 + yc * (s * ft - sin_k * c * fr - cos_k * c * fa)
                 + oz.into_inner() * (cos_k * fr - sin_k * fa);
@@ -109,5 +113,5 @@ pub(super) fn force(
         let z = corner + (top - corner) * (i as f64 + 0.5) / rows as f64;
         add(1.0, 0.0, radius, z, (top - corner) / rows as f64);
     }
-    sum * f64::from(now.cutter.teeth) / TAU
+    sum * f64::from(now.mill.teeth) / TAU
 }

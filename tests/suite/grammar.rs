@@ -1,16 +1,10 @@
 //! The grammars of `grammars/` against the readers: what they derive is read, and they derive every fixture.
 
-mod derive;
-mod notation;
-mod recognise;
-
 use deflex::program::cl::{ClOptions, Units};
 use deflex::program::{Language, ReadOptions, read, round_trip};
 use deflex::text::{Diagnostic, Source};
-use derive::Deriver;
-use notation::Grammar;
+use deflex_oracles::{Deriver, Grammar, Recogniser};
 use proptest::prelude::*;
-use recognise::Recogniser;
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -30,18 +30,21 @@ pub(crate) enum Expr {
     Except(Id, Id),
 }
 
+/// A rule of a grammar.
 #[derive(Debug)]
-pub(crate) struct Rule {
+pub struct Rule {
     pub(crate) body: Id,
     /// Files that the section names.
-    pub(crate) files: Vec<String>,
+    pub files: Vec<String>,
     /// Nothing stands between its parts.
-    pub(crate) lexical: bool,
+    pub lexical: bool,
 }
 
+/// A grammar in its notation.
 #[derive(Debug, Default)]
-pub(crate) struct Grammar {
-    pub(crate) rules: BTreeMap<String, Rule>,
+pub struct Grammar {
+    /// By their names.
+    pub rules: BTreeMap<String, Rule>,
     pub(crate) exprs: Vec<Expr>,
 }
 
@@ -60,7 +63,8 @@ enum Item<'a> {
 }
 
 impl Grammar {
-    pub(crate) fn read(text: &str) -> Self {
+    /// Reads a grammar.
+    pub fn read(text: &str) -> Self {
         let (_, items) = all_consuming(terminated(many0(item), opt(blank))).parse(text).unwrap();
         let mut grammar = Self::default();
         let mut files = Vec::new();
