@@ -44,10 +44,15 @@ fn workplace() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let samples = Path::new(ROOT).join("samples");
     copy(&samples, &folder.path().join("samples"));
-    // The cells of the wall are larger than in the sample: the commands are what is tested, and they take a quarter of the time.
-    let wall = folder.path().join("samples/wall/cell.toml");
-    let coarse = std::fs::read_to_string(&wall).unwrap().replace("cell_mm = 0.8", "cell_mm = 1.6");
-    std::fs::write(wall, coarse).unwrap();
+    // Coarser than in the samples: the commands are what is tested, and they take a quarter of the time.
+    for (cell, fine, coarse) in
+        [("wall", "cell_mm = 0.8", "cell_mm = 3.2"), ("stock", "resolution_mm = 0.25", "resolution_mm = 1.0")]
+    {
+        let cell = folder.path().join("samples").join(cell).join("cell.toml");
+        let text = std::fs::read_to_string(&cell).unwrap();
+        assert!(text.contains(fine), "{}: no `{fine}`", cell.display());
+        std::fs::write(cell, text.replace(fine, coarse)).unwrap();
+    }
     std::fs::create_dir_all(folder.path().join("samples/out")).unwrap();
     std::fs::copy(samples.join("slot/slot.mod"), folder.path().join("part.mod")).unwrap();
     let tool = "[tools.tMill]\ntcp_mm = [12.0, -3.0, 310.0]\ntcp_quat = [1.0, 0.0, 0.0, 0.0]\n";

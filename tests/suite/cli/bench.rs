@@ -93,6 +93,11 @@ impl Bench {
         String::from_utf8(std::fs::read(self.path(name)).unwrap()).unwrap()
     }
 
+    /// The hash of a file, which the reports of what was made from it have.
+    pub(crate) fn hash(&self, name: &str) -> String {
+        deflex::report::Origin::of(name, &std::fs::read(self.path(name)).unwrap()).sha256
+    }
+
     /// Names of everything in a folder, temporary files too.
     pub(crate) fn names(&self, folder: &str) -> Vec<String> {
         let entries = std::fs::read_dir(self.path(folder)).unwrap();
@@ -115,21 +120,6 @@ impl Bench {
             stderr: String::from_utf8(output.stderr).unwrap(),
         }
     }
-}
-
-/// A page without the hashes of the files it was made from.
-pub(crate) fn without_hashes(page: &str) -> String {
-    const HASH: usize = 64;
-    let mut out = String::with_capacity(page.len());
-    let mut rest = page;
-    while let Some(at) = rest.find(|c: char| c.is_ascii_hexdigit()) {
-        let (before, found) = rest.split_at(at);
-        let len = found.bytes().take_while(u8::is_ascii_hexdigit).count();
-        out += before;
-        out += if len == HASH { "hash" } else { &found[..len] };
-        rest = &found[len..];
-    }
-    out + rest
 }
 
 pub(crate) struct Ran {

@@ -120,14 +120,16 @@ fn a_missing_program_and_a_missing_table_are_reported_in_one_run() {
 
 #[test]
 fn rows_without_force_columns_are_in_the_air_where_the_cell_leaves_forces_to_a_table() {
+    // Of 304: what is counted does not depend on how many there are.
+    const ROWS: usize = 24;
     let bench = sample();
     let table = bench.read("measured.csv");
     let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let header = lines.next().unwrap();
     let kept: Vec<usize> = (0..header.len()).filter(|&i| !header[i].starts_with('f')).collect();
     let row = |cells: &[&str]| kept.iter().map(|&i| cells[i]).collect::<Vec<_>>().join(",") + "\n";
-    bench.write("air.csv", row(&header) + &lines.map(|cells| row(&cells)).collect::<String>());
+    bench.write("air.csv", row(&header) + &lines.take(ROWS).map(|cells| row(&cells)).collect::<String>());
     let found = bench.run("identify --run part.mod air.csv --cell cell.toml --json -").exits(0).stdout;
     let found: serde_json::Value = serde_json::from_str(&found).unwrap();
-    assert_eq!(found["rows"], 304);
+    assert_eq!(found["rows"], ROWS);
 }
