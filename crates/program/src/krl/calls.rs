@@ -49,17 +49,23 @@ impl<'a> Runner<'a> {
         self.forget_what_lasts();
     }
 
-    /// Data of data lists that the program assigns are unknown at the start, because they keep their values from the last run. The tables
-    /// of frames are those of the controller.
+    /// Data of data lists that the program assigns are unknown at the start, because they keep their values from the last run. So do the
+    /// elements of the controller's tables of frames if the program assigns any of them.
     fn forget_what_lasts(&mut self) {
         let mut changes = Changes::default();
         // The effects of the routines in BAS.SRC are known.
         for id in self.symbols.all().filter(|id| !self.symbols.is_bas(id.file)).collect::<Vec<_>>() {
             self.changes_of(id, &mut changes);
         }
-        let lasts = |id: Id| !Symbols::is_own_state(id) && !self.symbols.is_table(id);
-        let wholes: Vec<Id> = changes.ids.iter().copied().filter(|id| lasts(*id)).collect();
-        let parts: Vec<_> = changes.components.into_iter().filter(|(id, _)| lasts(*id)).collect();
+        let lasts = |id: &Id| !Symbols::is_own_state(*id);
+        let changed: Vec<Id> = changes.all_ids().filter(lasts).collect();
+        let (tables, wholes): (Vec<Id>, Vec<Id>) = changed.into_iter().partition(|id| self.symbols.is_table(*id));
+        let wholes = wholes.into_iter().filter(|id| changes.ids.contains(id));
+        let parts: Vec<_> =
+            changes.components.into_iter().filter(|(id, _)| lasts(id) && !tables.contains(id)).collect();
+        for id in tables {
+            self.symbols.start[id].forget_all(Reason::LastRun);
+        }
         for id in wholes {
             self.symbols.start[id].forget_parts(Reason::LastRun);
         }

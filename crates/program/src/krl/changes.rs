@@ -131,6 +131,7 @@ impl<'a> Runner<'a> {
                 names.for_each(|name| self.changed(name, scope, changes));
             }
             StatementKind::Mark(_) => drop(changes.ids.insert(MARK)),
+            StatementKind::TimeBlock(_) => drop(changes.ids.insert(SPEED)),
             StatementKind::NotUnderstood(_) => {
                 changes.anything = true;
                 statement.names().into_iter().for_each(|name| self.changed(name, scope, changes));

@@ -22,7 +22,7 @@ struct Barred {
     forms: Vec<Range<usize>>,
     /// Starts of motions to which a statement before them refers.
     referred_to: Vec<(u32, Reason)>,
-    /// A TRIGGER whose motion is not in the text after it.
+    /// A TRIGGER or a `STOP WHEN PATH` whose motion is not in the text after it.
     is_trigger_open: bool,
 }
 
@@ -35,6 +35,7 @@ impl Barred {
             let cursor = Cursor::new(&source.bytes, 0, line.code);
             match &upper(cursor.text(cursor.peek()))[..] {
                 b"SPLINE" | b"PTP_SPLINE" => open = Some(line.code.range().start),
+                b"STOP" => referring = Some(Reason::Triggered),
                 b"ENDSPLINE" => barred.splines.extend(open.take().map(|start| start..line.code.range().end)),
                 _ => {}
             }
@@ -44,7 +45,7 @@ impl Barred {
                 StatementKind::Move(_) | StatementKind::Relative(..) => {
                     barred.referred_to.extend(referring.take().map(|why| (line.code.start, why)));
                 }
-                // Between a TRIGGER and its motion. ON_ERROR_PROCEED is for the very next statement.
+                // Between such a statement and its motion. ON_ERROR_PROCEED is for the very next statement.
                 StatementKind::Assign(_) | StatementKind::Harmless(_) | StatementKind::WaitFor(_) => {
                     referring = referring.filter(|why| *why == Reason::Triggered);
                 }

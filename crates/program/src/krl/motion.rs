@@ -141,7 +141,8 @@ impl Runner<'_> {
         let feed = match motion {
             Motion::Joint => None,
             _ => {
-                let speed = self.value(SPEED).component(b"CP").and_then(Value::number);
+                let is_known = [SPEED, OVERRIDE].iter().all(|id| !self.is_volatile(*id));
+                let speed = self.value(SPEED).component(b"CP").and_then(Value::number).filter(|_| is_known);
                 let percent = self.value(OVERRIDE).number();
                 speed.zip(percent).map(|(speed, percent)| 1e3 * speed * (percent / 100.0))
             }

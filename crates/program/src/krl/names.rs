@@ -31,9 +31,9 @@ pub(super) fn relative(word: &[u8]) -> Option<Reason> {
 pub(super) const APPROXIMATE: [&[u8]; 6] = [b"WITH", b"C_DIS", b"C_VEL", b"C_ORI", b"C_PTP", b"C_SPL"];
 
 /// Statements that change no data and move nothing.
-pub(super) const HARMLESS_STATEMENTS: [&[u8]; 15] = [
+pub(super) const HARMLESS_STATEMENTS: [&[u8]; 14] = [
     b"WAIT", b"HALT", b"CONTINUE", b"BRAKE", b"RESUME", b"INTERRUPT", b"GLOBAL", b"PULSE", b"ANOUT", b"CONFIRM",
-    b"TIME_BLOCK", b"CONST_VEL", b"STOP", b"SYNC", b"ON_ERROR_PROCEED",
+    b"CONST_VEL", b"STOP", b"SYNC", b"ON_ERROR_PROCEED",
 ];
 
 /// Words of the language that may be before a bracket without a call.

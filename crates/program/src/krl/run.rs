@@ -320,6 +320,10 @@ impl<'a> Runner<'a> {
             StatementKind::Harmless(parts) | StatementKind::Return(parts) => {
                 parts.iter().for_each(|part| drop(self.evaluate(part)));
             }
+            StatementKind::TimeBlock(parts) => {
+                parts.iter().for_each(|part| drop(self.evaluate(part)));
+                self.set_speed(Value::unknown(Reason::Computed));
+            }
             StatementKind::WaitFor(parts) => {
                 let values: Vec<Value> = parts.iter().map(|part| self.evaluate(part)).collect();
                 if !matches!(&values[..], [value] if value.bool() == Some(true)) {

@@ -18,7 +18,7 @@ pub(super) struct TooDeep(pub(super) Span);
 
 /// First words of statements in which two words in a row are not a declaration, in addition to motions and to statements that change no
 /// data.
-const STATEMENTS: [&[u8]; 5] = [b"TRIGGER", b"GOTO", b"RETURN", b"ANIN", b"ASYCANCEL"];
+const STATEMENTS: [&[u8]; 6] = [b"TRIGGER", b"GOTO", b"RETURN", b"ANIN", b"ASYCANCEL", b"TIME_BLOCK"];
 
 /// Types of the system.
 const TYPES: [&[u8]; 16] = [
@@ -465,6 +465,7 @@ pub(super) fn simple(mut cursor: Cursor<'_>) -> StatementKind {
             );
         }
         b"RESUME" => return StatementKind::Resume,
+        b"TIME_BLOCK" => return StatementKind::TimeBlock(cursor.parts(LexemeKind::End)),
         b"ON_ERROR_PROCEED" => return StatementKind::Proceed,
         _ => {}
     }

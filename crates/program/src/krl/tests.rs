@@ -334,6 +334,43 @@ fn an_arc_turns_as_the_program_says() {
 }
 
 #[test]
+fn speeds_that_something_else_may_change_are_unknown() {
+    let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    let feeds = |body: &str| program(body).targets.iter().map(|t| t.feed_mm_s).collect::<Vec<_>>();
+    let head = "$BASE=BASE_DATA[1]\n$TOOL=TOOL_DATA[1]\n$VEL.CP=0.02";
+    for act in ["$VEL.CP=0.1", "$OV_PRO=10"] {
+        let trigger = format!("{head}\nTRIGGER WHEN DISTANCE=0 DELAY=10 DO {act}\n{line}\n{line}");
+        assert_eq!(feeds(&trigger), [None, None], "{act}");
+        let interrupt = format!("INTERRUPT DECL 5 WHEN $IN[1] DO isr()\n{head}\n{line}\nEND\nDEF isr()\n{act}");
+        assert_eq!(feeds(&interrupt), [None], "{act}");
+    }
+    let spline = line.replace("LIN", "SLIN");
+    let timed = format!("{head}\nSPLINE\n{spline}\nTIME_BLOCK START\n{spline}\nTIME_BLOCK END=0.2\nENDSPLINE\n{line}");
+    assert_eq!(feeds(&timed), [Some(20.0), None, Some(20.0)]);
+}
+
+#[test]
+fn tables_that_the_program_assigns_have_the_values_of_the_last_run() {
+    let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    let frame = "{X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    let uses = format!("BAS(#INITMOV,0)\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[2]\n{line}");
+    assert_eq!(reasons(&program(&uses)), []);
+    assert_eq!(reasons(&program(&format!("BASE_DATA[2]={frame}\n{uses}"))), []);
+    for last in [format!("BASE_DATA[2]={frame}"), "BASE_DATA[2].Z=BASE_DATA[2].Z-1.0".to_owned()] {
+        assert_eq!(reasons(&program(&format!("{uses}\n{last}"))), [Reason::Base], "{last}");
+    }
+}
+
+#[test]
+fn nothing_is_inserted_before_a_motion_to_which_a_stop_refers() {
+    let line = "SLIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
+    let p = program(&format!(
+        "$BASE=BASE_DATA[1]\n$TOOL=TOOL_DATA[1]\n{line}\nSTOP WHEN PATH=-10 IF $IN[1]\n{line}\n{line}"
+    ));
+    assert_eq!(p.insertions_refused(&[1, 2]), [Some(Reason::Triggered), None]);
+}
+
+#[test]
 fn interrupts_and_triggers_change_at_any_moment_what_they_change() {
     let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
     let p = program(&format!(

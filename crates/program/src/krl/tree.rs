@@ -85,6 +85,8 @@ pub(super) enum StatementKind {
     Interrupt(Box<Started>),
     /// A statement that changes no data and moves nothing, with the expressions that it reads.
     Harmless(Vec<Expression>),
+    /// `TIME_BLOCK`, which states the time of a part of a spline in place of its speed, with the expressions that it reads.
+    TimeBlock(Vec<Expression>),
     /// `WAIT FOR`: the condition, in one part if it is understood as a whole.
     WaitFor(Vec<Expression>),
     /// RESUME
@@ -212,6 +214,7 @@ impl Statement {
             }
             StatementKind::Relative(_, parts)
             | StatementKind::Harmless(parts)
+            | StatementKind::TimeBlock(parts)
             | StatementKind::WaitFor(parts)
             | StatementKind::Return(parts)
             | StatementKind::NotUnderstood(parts) => all.extend(parts),

@@ -33,6 +33,9 @@ pub(crate) const STATEMENTS: Statements = Statements {
     ..Statements::RAPID
 };
 
+/// The tool moves in the base, and does not stand still.
+const MODE: &[u8] = b"$IPO_MODE = #BASE\r\n";
+
 impl PostWriter {
     /// Writes the program: points with the axis angles there (degrees), and the lines of its end; its files by name, the
     /// one to start first.
@@ -52,7 +55,7 @@ impl PostWriter {
             let mut text =
                 if count > 1 { self.file(&format!("{name}_{}", part + 1)) } else { std::mem::take(&mut main) };
             let mut in_force = InForce::default();
-            text.extend_from_slice(b"$IPO_MODE = #BASE\r\n");
+            text.extend_from_slice(MODE);
             for (i, point) in points.iter().enumerate() {
                 let here = place.after(std::slice::from_ref(point));
                 let next = points.get(i + 1);
@@ -88,7 +91,14 @@ impl PostWriter {
         axes_deg: &[f64; 6],
         in_force: &mut InForce,
     ) {
-        lines(text, point.lines.as_deref().unwrap_or_default());
+        if let Some(own) = &point.lines {
+            lines(text, own);
+            // A routine of a template may move with settings of its own.
+            if own.lines().any(calls) {
+                text.extend_from_slice(MODE);
+                *in_force = InForce { mark: in_force.mark, ..InForce::default() };
+            }
+        }
         if in_force.tool != Some(point.tool) {
             if let Some((name, data)) = self.plan.tools.get(usize::from(point.tool)) {
                 tool(text, name, data);
@@ -148,6 +158,12 @@ struct InForce {
     speed: Option<f64>,
     /// mm
     zone: Option<f64>,
+}
+
+/// Whether a line is more than a comment, a wait, or an output.
+fn calls(line: &str) -> bool {
+    let line = line.trim_start().to_ascii_uppercase();
+    ![";", "WAIT", "HALT", "$OUT"].iter().any(|known| line.starts_with(known)) && !line.is_empty()
 }
 
 fn lines(text: &mut Vec<u8>, lines: &str) {
@@ -266,6 +282,19 @@ mod tests {
                 && in_force.contains("$APO.CDIS = ")
                 && in_force.matches("C_DIS").count() == 3
         );
+    }
+
+    #[test]
+    fn after_a_routine_of_a_template_all_settings_are_stated_again() {
+        let mut points = points();
+        points[2].lines = Some("tc(2)".into());
+        points[3].lines = Some("WAIT SEC 0.5".into());
+        let files = PostWriter::new(plan(None)).krl(&points, &[[1.0, -90.0, 90.0, 0.0, 45.0, 0.0]; 5], "");
+        let text = String::from_utf8(files[0].1.clone()).unwrap();
+        let (before, after) = text.split_once("tc(2)\r\n").unwrap();
+        for setting in ["$IPO_MODE", "$TOOL", "$LOAD", "$BASE", "$VEL.CP"] {
+            assert_eq!([before, after].map(|part| part.matches(setting).count()), [1, 1], "{setting}");
+        }
     }
 
     #[test]
