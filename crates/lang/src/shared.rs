@@ -51,7 +51,7 @@ pub fn editable(outcome: &Outcome) -> Vec<Editable> {
             for token in value.reads.tokens() {
                 used.entry(*token).or_insert(Reason::Shared);
             }
-            if let Content::AxesOf(..) | Content::Pose(_) = value.content {
+            if let Content::AxesOf(_) | Content::Pose(_) = value.content {
                 let mut seen = BTreeSet::new();
                 for number in value.pose().into_iter().flat_map(|pose| &*pose.numbers) {
                     let own = matches!(&number.content, Content::Number(n) if n.affine.is_some());
@@ -137,11 +137,13 @@ fn own(motion: &Moved) -> Editable {
     for value in points(motion) {
         let this = match &value.content {
             Content::Unknown(why) => Editable::No(*why),
-            Content::Pose(pose) | Content::AxesOf(pose, _) => match pose.affine_numbers() {
-                all if all > POSITION && all == pose.numbers.len() => Editable::Pose,
-                some if some >= POSITION => Editable::Position,
-                _ => Editable::No(Reason::Computed),
-            },
+            Content::Pose(_) | Content::AxesOf(_) => {
+                match value.pose().map(|pose| [pose.affine_numbers(), pose.numbers.len()]) {
+                    Some([affine, all]) if affine > POSITION && affine == all => Editable::Pose,
+                    Some([affine, _]) if affine >= POSITION => Editable::Position,
+                    _ => Editable::No(Reason::Computed),
+                }
+            }
             Content::List(_) => Editable::No(Reason::Joints),
             _ => Editable::No(Reason::Computed),
         };

@@ -90,8 +90,30 @@ pub enum Content {
     List(Arc<[Value]>),
     /// A pose.
     Pose(Arc<Pose>),
-    /// Axis angles that reach a pose; if angles are given, the solution nearest to them.
-    AxesOf(Arc<Pose>, Option<Arc<[f64]>>),
+    /// Axis angles that reach a pose.
+    AxesOf(Arc<AxesOf>),
+}
+
+/// Axis angles that reach a pose, as inverse kinematics gives them.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::value::Content;
+///
+/// let text = b"def part():\n  movej(get_inverse_kin(p[0.5, 0.1, 0.2, 0, 3.14, 0]))\nend\n";
+/// let program = deflex_lang::urscript::read(&[text], 1).unwrap();
+/// let outcome = deflex_lang::run::run(&program, &deflex_lang::urscript::UrScript).unwrap();
+/// let Content::AxesOf(axes) = &outcome.motions[0].to.content else { panic!() };
+/// assert!(axes.near.is_none() && axes.pose.pose().translation.x == 0.5);
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct AxesOf {
+    /// The pose of the TCP.
+    pub pose: Arc<Pose>,
+    /// If angles are given, the solution is the nearest to them.
+    pub near: Option<Arc<[f64]>>,
+    /// The TCP that was in force when the angles were computed, in the flange; `None` if it was not known.
+    pub tool: Option<Isometry3<f64>>,
 }
 
 /// A known number.
@@ -245,7 +267,8 @@ impl Value {
     pub(crate) fn all_reads(&self) -> Reads {
         let parts: &[Self] = match &self.content {
             Content::List(items) => items,
-            Content::Pose(pose) | Content::AxesOf(pose, _) => &pose.numbers,
+            Content::Pose(pose) => &pose.numbers,
+            Content::AxesOf(axes) => &axes.pose.numbers,
             _ => &[],
         };
         let mut all: Vec<TokenId> = Vec::new();
@@ -277,7 +300,8 @@ impl Value {
     #[must_use]
     pub fn pose(&self) -> Option<&Pose> {
         match &self.content {
-            Content::Pose(pose) | Content::AxesOf(pose, _) => Some(pose),
+            Content::Pose(pose) => Some(pose),
+            Content::AxesOf(axes) => Some(&axes.pose),
             _ => None,
         }
     }

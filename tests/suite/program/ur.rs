@@ -128,6 +128,20 @@ fn cell(more: &str) -> Cell {
     Cell::read(&Source::new("cell.toml", format!("{ROBOT}{more}"))).unwrap_or_else(|errors| panic!("{errors:?}"))
 }
 
+/// The axis angles lead the TCP that was in force when they were computed to the pose, and another one elsewhere.
+#[test]
+fn inverse_kinematics_holds_for_the_tcp_of_its_call() {
+    let of = |change: &str| {
+        let program = read(&format!(
+            "def m():\n  set_tcp(p[0, 0, 0.15, 0, 0, 0])\n  q = get_inverse_kin(p[0.5, 0, 0.2, 3.14, 0, 0])\n{change}  movel(q, v=0.02)\nend\nm()\n"
+        ));
+        (program.targets.len(), program.kept.iter().map(|kept| kept.reason).collect::<Vec<_>>())
+    };
+    assert_eq!(of(""), (1, vec![]));
+    assert_eq!(of("  set_tcp(p[0, 0, 0.15, 0, 0, 0])\n"), (1, vec![]));
+    assert_eq!(of("  set_tcp(p[0, 0, 0.1, 0, 0, 0])\n"), (0, vec![Reason::Tool]));
+}
+
 /// A short path in a feature of the table.
 const PATH: &str = "def m():\n  set_tcp(p[0, 0, 0.15, 0, 0, 0])\n  set_payload(1.5, [0, 0, 0.05])\n  f = p[0.5, -0.2, 0.1, 0, 0, 0]\n\
     \x20 movej(get_inverse_kin(p[0.5, -0.2, 0.2, 3.141593, 0, 0], qnear=[-0.05, -3.62, 1.9, 0.15, -1.57, 1.52]))\n\

@@ -11,7 +11,7 @@ use crate::dialect::{Arguments, Dialect};
 use crate::ir::{Slot, Switch};
 use crate::reason::Reason;
 use crate::store::Store;
-use crate::value::{Affine, Content, Number, Pose, Value};
+use crate::value::{Affine, AxesOf, Content, Number, Pose, Value};
 use builtins::Builtin;
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use std::f64::consts::PI;
@@ -79,14 +79,13 @@ impl Dialect for UrScript {
                     if near.is_some() != angles.is_some() {
                         return unknown(reason(near));
                     }
-                    // The pose is that of this TCP, and not of the tool in force.
-                    let tcp = given("tcp", 4);
-                    let poses =
-                        tcp.map(|tcp| [tcp, store.get(Switch::Tool.slot())].map(|tool| tool.pose().map(Pose::pose)));
-                    if poses.is_some_and(|[tcp, tool]| tcp.is_none() || tcp != tool) {
+                    let pose_of = |tool: &Value| tool.pose().map(Pose::pose);
+                    let tool = pose_of(given("tcp", 4).unwrap_or(store.get(Switch::Tool.slot())));
+                    if given("tcp", 4).is_some() && tool.is_none() {
                         return unknown(Reason::Tool);
                     }
-                    let content = Content::AxesOf(Arc::clone(pose), angles.map(Into::into));
+                    let axes = AxesOf { pose: Arc::clone(pose), near: angles.map(Into::into), tool };
+                    let content = Content::AxesOf(Arc::new(axes));
                     Value { content, reads: reads.clone() }.reading(near)
                 }
                 other => unknown(reason(other)),

@@ -327,9 +327,9 @@ impl Builder {
         };
         Some(match &value.content {
             Content::Pose(pose) => posed(pose, None),
-            Content::AxesOf(pose, near) => {
-                let near = near.as_ref().map(|near| deg(near).ok_or(())).transpose().ok()?;
-                posed(pose, near.map(Conf::near))
+            Content::AxesOf(axes) => {
+                let near = axes.near.as_ref().map(|near| deg(near).ok_or(())).transpose().ok()?;
+                posed(&axes.pose, near.map(Conf::near))
             }
             Content::List(_) => (Goal::Joints { deg: deg(&value.numbers()?)? }, true),
             _ => return None,
@@ -345,6 +345,12 @@ impl Builder {
         }
         let [tool, load, frame] =
             [Switch::Tool, Switch::Load, Switch::Frame].map(|switch| &motion.switches[switch as usize]);
+        // The pose is that of the TCP for which the angles were computed. With another tool the motion ends elsewhere.
+        if let Content::AxesOf(axes) = &motion.to.content
+            && axes.tool != tool.pose().map(Pose::pose)
+        {
+            return Err(Reason::Tool);
+        }
         let named = |value: &Value| match &value.content {
             Content::Text(name) => Some(String::from_utf8_lossy(name).into_owned()),
             _ => None,
