@@ -38,7 +38,7 @@ pub struct Course {
     /// Speed of the last motion that has one, m/s.
     feed: Option<f64>,
     /// Number of waypoints that the robot passes in a zone of unknown size: they count as stops.
-    unstated: usize,
+    pub(super) unstated: usize,
     /// Lines and arcs of unknown speed: they get the speed of the motion before, or of the first one after them.
     without_speed: usize,
     /// Waypoints with a zone at which the controller stops, because the program waits; the word of the statement after the first one.

@@ -405,6 +405,17 @@ impl Given<'_> {
             });
         }
         notes.push(note);
+        if course.unstated > 0 {
+            let message = format!(
+                "--max-path-error {allowed} is kept only if the robot comes to rest where the program does not say how near it passes: at {}",
+                counted(course.unstated, "point")
+            );
+            notes.push(
+                Diagnostic::error("path.tolerance", name, message)
+                    .severity(Severity::Warning)
+                    .help("write a predefined zone there, or state the radius in the cell: [controller.path] zone_mm"),
+            );
+        }
         if is.max_mm > allowed {
             let over: Vec<usize> = (0..after.segments.len())
                 .filter(|i| after.counts[*i] && after.segments[*i].is_some_and(|segment| segment.max_mm > allowed))

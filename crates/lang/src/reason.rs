@@ -202,7 +202,7 @@ reasons! {
     PathToAxes = "path motion to axis angles",
     Skip = "ends where a condition is met (Skip)",
     MotionOption = "motion option that is not known",
-    PathShifted = "its path is shifted at run time (\\Corr)",
+    PathShifted = "a sensor or force control moves its path at run time",
     DisplacementActive = "program displacement is active",
     DisplacementUnknown = "program displacement is known only at run time",
     SoftServoActive = "soft servo is active: the axes yield",

@@ -17,6 +17,8 @@ use deflex_text::{Edit, Span, number};
 
 /// Zones for a point that the controller flies by, with the radius of their TCP path, mm.
 const FLY_BY: [(&[u8], f64); 2] = [(b"z0", 0.3), (b"z1", 1.0)];
+/// The value of `z0`, for a program that uses the names of both zones for others.
+const SMALLEST: &[u8] = b"[FALSE,0.3,0.3,0.3,0.03,0.3,0.03]";
 /// External axes for a target that states none.
 const NO_AXES: &[u8] = b"[9E+09,9E+09,9E+09,9E+09,9E+09,9E+09]";
 
@@ -117,7 +119,7 @@ pub(super) fn instruction(writer: &Writer<'_>, insert: &Insert) -> Result<Insert
     copy_named(&call, bytes, b"V", &mut content);
     content.push(b',');
     let own = if shape.zone == Zone::BeforeTool && tool_at > 0 { argument(tool_at - 1)? } else { b"fine" };
-    content.extend_from_slice(fly_by(own, insert.room_mm));
+    content.extend_from_slice(fly_by(writer.program, own, insert.room_mm));
     content.push(b',');
     content.extend_from_slice(argument(tool_at)?);
     copy_named(&call, bytes, b"WObj", &mut content);
@@ -146,25 +148,79 @@ fn external_axes(external: &[Option<f64>], decimals: usize) -> Vec<u8> {
 }
 
 /// The zone for a point that the controller flies by, with `room_mm` about it: the instruction's own zone if that fits.
-fn fly_by(own: &[u8], room_mm: f64) -> &[u8] {
+fn fly_by<'z>(program: &Program, own: &'z [u8], room_mm: f64) -> &'z [u8] {
     // Zones of adjacent points meet at the middle between them.
     let fits = |radius: f64| radius <= 0.5 * room_mm;
-    if radius_mm(own).is_some_and(fits) {
+    if matches!(passing_of(program, own), Some(Passing::Zone(radius)) if fits(radius)) {
         return own;
     }
-    FLY_BY.iter().rev().find(|(_, radius)| fits(*radius)).map_or(FLY_BY[0].0, |(name, _)| name)
+    let zones = || predefined_zones(program);
+    zones().filter(|zone| fits(zone.1)).last().or(zones().next()).map_or(SMALLEST, |zone| zone.0)
 }
 
-/// Radius of the TCP path of a predefined or written-out zone, mm; `None` for a stop and for other names.
-fn radius_mm(zone: &[u8]) -> Option<f64> {
-    let upper = zone.to_ascii_uppercase();
-    if let Some(mm) = upper.strip_prefix(b"Z") {
-        // z0 is the smallest zone.
-        return number::read(mm).filter(|_| mm.iter().all(u8::is_ascii_digit)).map(|mm| mm.max(FLY_BY[0].1));
+/// The predefined zones that may be written, the smallest first: those whose names the program does not use for others.
+fn predefined_zones(program: &Program) -> impl Iterator<Item = &'static (&'static [u8], f64)> {
+    let is_free = |name: &[u8]| declared_zones(program).iter().all(|zone| !zone.name.eq_ignore_ascii_case(name));
+    FLY_BY.iter().filter(move |(name, _)| is_free(name))
+}
+
+/// How the controller passes a point with this zone: a predefined one, one that is written out, or one that the program declares as a constant.
+/// `None` if the value is only known at run time.
+fn passing_of(program: &Program, zone: &[u8]) -> Option<Passing> {
+    let mut declared = declared_zones(program).iter().filter(|declared| declared.name.eq_ignore_ascii_case(zone));
+    match (declared.next(), declared.next()) {
+        (Some(only), None) => only.passing,
+        (Some(_), Some(_)) => None,
+        (None, _) if zone.eq_ignore_ascii_case(b"fine") => Some(Passing::Stop),
+        (None, _) => match zone.strip_prefix(b"z").or(zone.strip_prefix(b"Z")) {
+            // z0 is the smallest zone.
+            Some(mm) if mm.iter().all(u8::is_ascii_digit) => {
+                number::read(mm).map(|mm| Passing::Zone(mm.max(FLY_BY[0].1)))
+            }
+            _ => written_out(zone),
+        },
     }
-    let mut fields = upper.strip_prefix(b"[")?.split(|b| *b == b',');
-    let flies = fields.next()?.trim_ascii() == b"FALSE";
-    number::read(fields.next()?.trim_ascii()).filter(|_| flies)
+}
+
+/// The zone that is written out, `[finep,pzone_tcp,…]`.
+fn written_out(zone: &[u8]) -> Option<Passing> {
+    let mut fields = zone.strip_prefix(b"[")?.split(|b| *b == b',').map(|field| field.trim_ascii());
+    let (is_stop, radius) = (fields.next()?, fields.next()?);
+    match () {
+        () if is_stop.eq_ignore_ascii_case(b"TRUE") => Some(Passing::Stop),
+        () if is_stop.eq_ignore_ascii_case(b"FALSE") => number::read(radius).map(Passing::Zone),
+        () => None,
+    }
+}
+
+/// A name that a program declares for zonedata, or for a parameter of this type.
+#[derive(Debug)]
+pub(super) struct DeclaredZone {
+    name: Box<[u8]>,
+    /// The value of a constant that is written out.
+    passing: Option<Passing>,
+}
+
+/// The zones that the texts of a program declare.
+fn declared_zones(program: &Program) -> &[DeclaredZone] {
+    let texts = || program.sources.iter().map(|source| &source.bytes[..]);
+    Layout::of(program).map_or(&[], |layout| layout.zones.get_or_init(|| texts().flat_map(zones_in).collect()))
+}
+
+/// The zones that a text declares.
+fn zones_in(text: &[u8]) -> impl Iterator<Item = DeclaredZone> {
+    const TYPE: &[u8] = b"zonedata";
+    let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
+    let places = text.windows(TYPE.len()).enumerate().filter(|(_, word)| word.eq_ignore_ascii_case(TYPE));
+    places.filter_map(move |(at, _)| {
+        let rest = text[at + TYPE.len()..].trim_ascii_start();
+        let (name, rest) = rest.split_at(rest.iter().position(|byte| !is_word(byte)).unwrap_or(rest.len()));
+        let before = text[..at].trim_ascii_end();
+        let is_constant = before.len() >= 5 && before[before.len() - 5..].eq_ignore_ascii_case(b"CONST");
+        let value = rest.trim_ascii_start().strip_prefix(b":=").filter(|_| is_constant).map(<[u8]>::trim_ascii_start);
+        let is_name = !name.is_empty();
+        is_name.then(|| DeclaredZone { name: name.into(), passing: value.and_then(written_out) })
+    })
 }
 
 /// The target that an instruction has written out as its first argument.
@@ -184,8 +240,15 @@ pub(super) fn around_literal<'p>(program: &'p Program, layout: &Layout, i: usize
     Some([bytes.get(span.start..literal.start)?, bytes.get(literal.end..span.end)?])
 }
 
-/// The argument that states the zone of a target's instruction; `None` for instructions without a zone.
-fn zone_argument(program: &Program, i: usize) -> Option<Span> {
+/// The zone of a target's instruction.
+struct ZoneInText {
+    argument: Span,
+    /// How the controller passes the point if an optional argument replaces the zone: `\Z` by its length in mm, `\Inpos` by a stop.
+    replaced: Option<Option<Passing>>,
+}
+
+/// The zone of a target's instruction; `None` for instructions without a zone.
+fn zone_in_text(program: &Program, i: usize) -> Option<ZoneInText> {
     let (target, layout) = (program.targets.get(i)?, Layout::of(program)?);
     let bytes = &program.sources[target.source as usize].bytes;
     let shape = |name: Span| motion::shape(&bytes[name.range()]).filter(|shape| shape.zone == Zone::BeforeTool);
@@ -206,54 +269,39 @@ fn zone_argument(program: &Program, i: usize) -> Option<Span> {
         ToolAt::Index(at) => at.checked_sub(passed)?,
         ToolAt::Last => arguments.positional.len().checked_sub(1)?,
     };
-    Some(arguments.positional.get(tool_at.checked_sub(1)?)?.span)
+    let length = || number::read(&bytes[arguments.named(bytes, b"Z")?.span.range()]).map(Passing::Zone);
+    let replaced = match () {
+        () if arguments.has(bytes, b"Inpos") => Some(Some(Passing::Stop)),
+        () if arguments.has(bytes, b"Z") => Some(length()),
+        () => None,
+    };
+    Some(ZoneInText { argument: arguments.positional.get(tool_at.checked_sub(1)?)?.span, replaced })
 }
 
-/// See [`Program::passing`](crate::Program::passing); `None` for instructions without a zone.
+/// See [`Program::passing`](crate::Program::passing); `None` for instructions without a zone, and for zones that are only known at run time.
 pub(super) fn passing(program: &Program, i: usize) -> Option<Passing> {
-    let bytes = &program.sources[program.targets.get(i)?.source as usize].bytes;
-    let zone = &bytes[zone_argument(program, i)?.range()];
-    let written_out = zone.strip_prefix(b"[").and_then(|fields| fields.split(|byte| *byte == b',').next());
-    if zone.eq_ignore_ascii_case(b"fine")
-        || written_out.is_some_and(|fine| fine.trim_ascii().eq_ignore_ascii_case(b"TRUE"))
-    {
-        return Some(Passing::Stop);
-    }
-    radius_mm(zone).map(Passing::Zone)
+    let zone = zone_in_text(program, i)?;
+    let bytes = &program.sources[program.targets[i].source as usize].bytes;
+    zone.replaced.unwrap_or_else(|| passing_of(program, &bytes[zone.argument.range()]))
 }
 
 /// See [`Program::passing_edits`](crate::Program::passing_edits): the argument becomes the name of a predefined zone.
 pub(super) fn passing_edits(program: &Program, wanted: &[(usize, Passing)]) -> Vec<Option<Edit>> {
-    let is_declared = |name: &[u8]| program.sources.iter().any(|source| declares_zone(&source.bytes, name));
-    let is_predefined = |name: &&[u8]| !is_declared(name);
-    let stop = Some(&b"fine"[..]).filter(is_predefined);
-    let zones: Vec<_> = FLY_BY.iter().rev().filter(|(name, _)| is_predefined(name)).collect();
+    let is_fine = matches!(passing_of(program, b"fine"), Some(Passing::Stop));
     let edit = |(i, wanted): &(usize, Passing)| {
         program.targets.get(*i).filter(|target| usize::from(target.source) < program.written)?;
-        let span = zone_argument(program, *i)?;
+        let zone = zone_in_text(program, *i).filter(|zone| zone.replaced.is_none())?;
         let name = match (wanted, passing(program, *i)) {
-            (Passing::Stop, _) => stop?,
+            (Passing::Stop, _) => Some(&b"fine"[..]).filter(|_| is_fine)?,
             // Only a zone of known radius can be shown to become smaller.
             (Passing::Zone(most), Some(Passing::Zone(radius))) => {
-                zones.iter().find(|zone| zone.1 <= *most && zone.1 < radius)?.0
+                predefined_zones(program).filter(|zone| zone.1 <= *most && zone.1 < radius).last()?.0
             }
             _ => return None,
         };
-        Some(Edit { span, content: name.to_vec().into() })
+        Some(Edit { span: zone.argument, content: name.to_vec().into() })
     };
     wanted.iter().map(edit).collect()
-}
-
-/// Whether a text declares zonedata under the name of a predefined zone.
-fn declares_zone(text: &[u8], name: &[u8]) -> bool {
-    let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
-    text.windows(b"zonedata".len()).enumerate().filter(|(_, word)| word.eq_ignore_ascii_case(b"zonedata")).any(
-        |(at, word)| {
-            let rest = text[at + word.len()..].trim_ascii_start();
-            let end = rest.iter().position(|byte| !is_word(byte)).unwrap_or(rest.len());
-            rest[..end].eq_ignore_ascii_case(name)
-        },
-    )
 }
 
 /// See [`Program::inserted_passing`](crate::Program::inserted_passing).

@@ -87,7 +87,7 @@ use deflex_text::{Diagnostic, Edit, Severity, Source, Span};
 use lex::{Cursor, LexemeKind};
 use literal::Literal;
 use std::collections::{BTreeSet, HashSet};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use value::OffsetStep;
 pub(crate) use value::SPEEDS;
 
@@ -111,6 +111,8 @@ pub(crate) struct Layout {
     mark_at_end: Option<super::Mark>,
     /// In a chunk of a program that is run again for each chunk: the motions that its own repeat.
     again: Option<agreed::Again>,
+    /// The zones that the texts declare, once they are needed.
+    zones: OnceLock<Vec<insert::DeclaredZone>>,
 }
 
 impl Layout {

@@ -45,8 +45,11 @@ impl<'a> Runner<'a> {
         if let Some(procedure) = synchronised {
             self.run_on_the_way(scope, procedure);
         }
-        let shifted = given.has(bytes, b"Corr");
-        let frames = if shifted { Err(Reason::PathShifted) } else { self.frames_of(scope, given, tool) };
+        let frames = if is_shifted_by_sensor(&bytes[call.name.range()], given, bytes) {
+            Err(Reason::PathShifted)
+        } else {
+            self.frames_of(scope, given, tool)
+        };
         let frames = match frames {
             Ok(frames) => frames,
             Err(reason) => {
@@ -295,4 +298,11 @@ impl<'a> Runner<'a> {
         };
         Editable::No(reason.unwrap_or(Reason::Computed))
     }
+}
+
+/// Whether a sensor or a force control moves the path of a motion while it runs: path corrections (`\Corr`, `\Track`, externally guided motion)
+/// and motions that press on the part. The position in the text is then not the one that is reached.
+fn is_shifted_by_sensor(name: &[u8], given: &Arguments, bytes: &[u8]) -> bool {
+    let begins = |family: &[u8]| name.len() >= family.len() && name[..family.len()].eq_ignore_ascii_case(family);
+    given.has(bytes, b"Corr") || given.has(bytes, b"Track") || begins(b"EGMMove") || begins(b"FCPress")
 }

@@ -8,7 +8,7 @@ use crate::{Editable, Goal, Kept, Motion, Reason, Role, Target, Tool, UnknownMot
 use deflex_lang::ir::SourceSpan;
 use deflex_text::Diagnostic;
 use std::collections::HashSet;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// The outcome of a run.
 pub(super) struct Outcome {
@@ -56,6 +56,7 @@ impl Runner<'_> {
                 .collect(),
             mark_at_end: self.state.modal.mark,
             again: None,
+            zones: OnceLock::new(),
         };
         Outcome {
             tools: self.used.tools,

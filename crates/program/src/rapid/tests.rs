@@ -119,3 +119,54 @@ fn one_procedure_runs_under_several_tools() {
     assert_eq!(p.wobjs.len(), 1);
     holds(&p);
 }
+
+#[test]
+fn zones_are_those_of_their_declarations() {
+    use crate::Passing;
+    let motion = |zone: &str| format!("MoveL p1,v100,{zone},tool0;");
+    let passing = |body: &str, zone: &str| program(&module(&format!("{body}\n{}", motion(zone)))).passing(0);
+    assert_eq!(passing("", "z10"), Passing::Zone(10.0));
+    assert_eq!(passing("", "[FALSE,25,40,40,4,40,4]"), Passing::Zone(25.0));
+    assert_eq!(passing("", "fine"), Passing::Stop);
+    // The optional argument replaces the zone.
+    assert_eq!(passing("", "z10\\Z:=2"), Passing::Zone(2.0));
+    assert_eq!(passing("", "z10\\Z:=nZone"), Passing::Unstated);
+    assert_eq!(passing("", "z10\\Inpos:=inpos50"), Passing::Stop);
+    // A name is that of its declaration, also if it looks like a predefined one.
+    assert_eq!(passing("CONST zonedata z3:=[FALSE,30,40,40,4,40,4];", "z3"), Passing::Zone(30.0));
+    assert_eq!(passing("VAR zonedata zM:=[FALSE,30,40,40,4,40,4];", "zM"), Passing::Unstated);
+    let parameter = module("mv z50;\n  ENDPROC\n  PROC mv(zonedata z1)\nMoveL p1,v100,z1,tool0;");
+    assert_eq!(program(&parameter).passing(0), Passing::Unstated);
+}
+
+#[test]
+fn motions_that_a_sensor_shifts_are_kept() {
+    for motion in [
+        "MoveL p1\\ID:=5,v100,z1,tool0\\Corr;",
+        "EGMMoveL eg,p1,v100,z1,tool0;",
+        "ArcL p1,v100,sm1,wd1,wv1,z1,tool0\\Track:=tr1;",
+        "FCPressL p1,v100,50,z1,tool0;",
+    ] {
+        let p = program(&module(&format!("{motion}\nMoveL p2,v100,fine,tool0;")));
+        let reasons: Vec<Reason> = p.kept.iter().map(|kept| kept.reason).collect();
+        assert!(reasons.contains(&Reason::PathShifted), "{motion}: {reasons:?}");
+        assert_eq!(p.targets.last().unwrap().editable, Editable::Pose, "{motion}");
+    }
+}
+
+/// ABB's table of priorities has `NOT` below `AND`; a program may have been written with the other order in mind.
+#[test]
+fn not_before_and_has_no_known_value() {
+    let flags = "CONST bool bA:=TRUE;\nCONST bool bB:=FALSE;\n";
+    let moves = |condition: &str| {
+        let body =
+            format!("{flags}IF {condition} THEN\nMoveL p1,v100,fine,tool0;\nELSE\nMoveL p2,v100,fine,tool0;\nENDIF");
+        positions(&program(&module(&body)))
+    };
+    let [one, two] = [[1.0, 2.0, 3.0], [10.5, 20.0, 30.0]];
+    assert_eq!(moves("NOT bA AND bB"), [one, two]);
+    assert_eq!(moves("(NOT bA) AND bB"), [two]);
+    assert_eq!(moves("NOT (bA AND bB)"), [one]);
+    assert_eq!(moves("NOT bA OR bB"), [two]);
+    assert_eq!(moves("bA AND NOT bB"), [one]);
+}

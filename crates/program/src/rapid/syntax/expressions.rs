@@ -139,7 +139,7 @@ impl<'r> Reader<'r> {
         let start = self.cursor.peek().start;
         let mut left = if least <= NOT && self.cursor.accept_word(b"NOT") {
             let inner = self.nested(|reader| reader.expression(NOT));
-            self.since(start, ExpressionKind::Not(Box::new(inner)))
+            self.negated(start, inner)
         } else {
             self.unary()
         };
@@ -158,6 +158,25 @@ impl<'r> Reader<'r> {
             let right = self.expression(level(operator) + 1);
             operations.push(Operation { operator, right });
         }
+    }
+
+    /// `NOT` with its operand. By the table of priorities `NOT a AND b` is `NOT (a AND b)`, and in most other languages it is `(NOT a) AND b`: the
+    /// value is not known, because a program may have been written and tested with either in mind.
+    fn negated(&mut self, start: usize, inner: Expression) -> Expression {
+        let mut operands = vec![inner];
+        loop {
+            let lexeme = self.cursor.peek();
+            if self.operator(lexeme) != Some(Binary::And) {
+                break;
+            }
+            self.cursor.pass(lexeme);
+            operands.push(self.expression(NOT));
+        }
+        let kind = match <[Expression; 1]>::try_from(operands) {
+            Ok([inner]) => ExpressionKind::Not(Box::new(inner)),
+            Err(operands) => ExpressionKind::Unknown(Reason::Expression, operands.into()),
+        };
+        self.since(start, kind)
     }
 
     fn operator(&self, lexeme: Lexeme) -> Option<Binary> {
