@@ -6,9 +6,9 @@ use super::text::Text;
 use deflex::cell::Cell;
 use deflex::program::cl::{ClOptions, Units};
 use deflex::program::jbi::take_speeds_in;
-use deflex::program::{Language, Program, ReadOptions, detect, read};
+use deflex::program::{Language, ModuleNames, Program, ReadOptions, detect, read};
 use deflex::report::Origin;
-use deflex::text::{Diagnostic, Source};
+use deflex::text::{Diagnostic, Severity, Source};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
@@ -45,11 +45,41 @@ pub(crate) fn program_alone(job: Job, reading: &Context) -> Result<Program, Vec<
     parse(job, reading.sources.clone(), &ReadOptions { cl: &without_cell(), look: true })
 }
 
-fn parse(job: Job, context: Vec<Source>, options: &ReadOptions<'_>) -> Result<Program, Vec<Diagnostic>> {
+fn parse(job: Job, mut context: Vec<Source>, options: &ReadOptions<'_>) -> Result<Program, Vec<Diagnostic>> {
     let (name, sources) = (job.name, all(job.texts.into_iter().map(Text::read))?);
+    let caller = job.caller.or_else(|| caller_among(&context, job.language, sources.first()?));
+    let called = caller.map(|caller| called_alone(&sources[0].name, &caller));
+    for called in all(job.called.into_iter().map(Text::read))? {
+        if context.iter().all(|known| known.name != called.name) {
+            context.push(called);
+        }
+    }
     let refused = || vec![Diagnostic::error("program.refused", &name, "the program cannot be read")];
     let read = read(job.language, sources, context, options);
-    read.map_err(|errors| if errors.is_empty() { refused() } else { errors })
+    let mut program = read.map_err(|errors| if errors.is_empty() { refused() } else { errors })?;
+    program.diagnostics.extend(called);
+    Ok(program)
+}
+
+/// The name of a file that calls the program of another file.
+fn caller_among(context: &[Source], language: Language, called: &Source) -> Option<String> {
+    let names = |source: &Source| {
+        let mut names = ModuleNames::new(language);
+        names.read(&source.bytes[..]).ok().map(|()| names)
+    };
+    let own = names(called)?;
+    let caller = context.iter().find(|source| names(source).is_some_and(|names| names.calls(&own)))?;
+    Some(caller.name.clone())
+}
+
+/// The warning about a program that is read as one of its own, although another one calls it.
+fn called_alone(name: &str, caller: &str) -> Diagnostic {
+    let message = format!(
+        "{caller} calls it: the program is corrected as if it started alone, with the frames of the cell and without what the caller sets before"
+    );
+    let help = "if the caller changes frames, tools, shifts, speeds or registers that this program uses, set them in this program, or declare \
+                them in the cell as they are at the call";
+    Diagnostic::error("program.called-alone", name, message).severity(Severity::Warning).help(help)
 }
 
 /// Parses a corrected text again, for the round trip of `inspect`.

@@ -29,6 +29,10 @@ pub(crate) struct Job {
     pub(crate) companions: Vec<(PathBuf, Vec<u8>)>,
     /// Language of all files.
     pub(crate) language: Language,
+    /// Other inputs that this program calls, and that these call: programs of their own, which are read with it.
+    pub(crate) called: Vec<Text>,
+    /// The name of another input that calls this program.
+    pub(crate) caller: Option<String>,
     /// Whether a `.pgf` list names the modules: they are one program even if they do not use each other.
     listed: bool,
 }
@@ -50,7 +54,7 @@ impl Job {
         companions: Vec<(PathBuf, Vec<u8>)>,
         language: Language,
     ) -> Self {
-        Self { name, texts, files, companions, language, listed: false }
+        Self { name, texts, files, companions, language, called: Vec::new(), caller: None, listed: false }
     }
 
     /// The one program that these files form; an error if they are several programs.
@@ -127,6 +131,8 @@ impl Job {
             files: vec![file_name(path)],
             companions: Vec::new(),
             language,
+            called: Vec::new(),
+            caller: None,
             listed: false,
         };
         if let Some(data) = language.about().companion.and_then(|ending| with_ending(path, ending)) {
@@ -178,6 +184,8 @@ impl Job {
             files,
             companions: vec![(PathBuf::from(path.file_name().unwrap_or(path.as_os_str())), list.bytes)],
             language: Language::Rapid,
+            called: Vec::new(),
+            caller: None,
             listed: true,
         })
     }
@@ -233,12 +241,36 @@ fn grouped(mut jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     let (modules, others): (Vec<_>, Vec<_>) = jobs.into_iter().enumerate().partition(|(_, job)| is_single(job));
     let names = all(modules.par_iter().map(|(_, job)| job.names()).collect::<Vec<_>>())?;
     let mut out = others;
+    connect(&mut out)?;
     for group in group_modules(&names) {
         let members = group.into_iter().map(|i| modules[i].clone());
         out.extend(members.reduce(|(place, job), (_, more)| (place, job.with(more))));
     }
     out.sort_by_key(|(place, _)| *place);
     Ok(out.into_iter().map(|(_, job)| job).collect())
+}
+
+/// Gives each program the others that it calls, with those that they call, and the name of one that calls it.
+fn connect(jobs: &mut [(usize, Job)]) -> Result<(), Vec<Diagnostic>> {
+    let may_call = |job: &Job| job.language.about().calls.is_some();
+    let names = jobs.par_iter().filter(|(_, job)| may_call(job)).map(|(_, job)| job.names());
+    let names = all(names.collect::<Vec<_>>())?;
+    let mut jobs: Vec<&mut Job> = jobs.iter_mut().map(|(_, job)| job).filter(|job| may_call(job)).collect();
+    let calls = |i: usize, k: usize| i != k && names[i].calls(&names[k]);
+    let called: Vec<BTreeSet<usize>> = (0..names.len())
+        .map(|i| {
+            let (mut all, mut open) = (BTreeSet::new(), vec![i]);
+            while let Some(caller) = open.pop() {
+                open.extend((0..names.len()).filter(|k| calls(caller, *k) && *k != i && all.insert(*k)));
+            }
+            all
+        })
+        .collect();
+    for (i, called) in called.into_iter().enumerate() {
+        jobs[i].called = called.into_iter().map(|k| jobs[k].texts[0].clone()).collect();
+        jobs[i].caller = (0..names.len()).find(|k| calls(*k, i)).map(|k| jobs[k].name.clone());
+    }
+    Ok(())
 }
 
 fn unknown_language(head: &Source) -> Vec<Diagnostic> {

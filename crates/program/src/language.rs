@@ -66,6 +66,8 @@ pub struct About {
     pub start: &'static str,
     /// Whether files use each other's names, from which follows which files are one program.
     pub has_modules: bool,
+    /// How the files of programs that call each other are connected, if they stay programs of their own.
+    pub calls: Option<CallWords>,
     /// The ending of a file that belongs to one of the same name.
     pub companion: Option<&'static str>,
     /// Whether every point has a name of its own.
@@ -85,6 +87,16 @@ pub struct About {
     pub turn: fn([f64; 3]) -> Rotation3<f64>,
     /// Statements that posted programs need.
     pub post: post::Statements,
+}
+
+/// Words before the names of programs, in upper case.
+#[doc(hidden)]
+#[derive(Debug)]
+pub struct CallWords {
+    /// Before the name of the program itself.
+    pub(super) own: &'static str,
+    /// Before the name of a program that it calls.
+    pub(super) called: &'static [&'static str],
 }
 
 impl Language {
@@ -173,6 +185,7 @@ static RAPID: About = About {
     or_context: ", or give the module that declares it with --context",
     start: "no MoveAbsJ, no `[robot] start_deg` and no suitable confdata says",
     has_modules: true,
+    calls: None,
     companion: None,
     are_points_named: false,
     states_load: true,
@@ -205,6 +218,7 @@ static CL: About = About {
     or_context: "",
     start: "CL data state no posture, and no `[robot] start_deg` says",
     has_modules: false,
+    calls: None,
     companion: None,
     are_points_named: false,
     states_load: true,
@@ -232,6 +246,7 @@ static KRL: About = About {
     or_context: ", or give the file that sets it with --context",
     start: "no PTP to axis angles, no `[robot] start_deg` and no suitable S and T say",
     has_modules: true,
+    calls: None,
     companion: Some("dat"),
     are_points_named: false,
     states_load: true,
@@ -258,6 +273,7 @@ static TP: About = About {
     or_context: "",
     start: "no joint position, no `[robot] start_deg` and no suitable CONFIG says",
     has_modules: false,
+    calls: Some(CallWords { own: "PROG", called: &["CALL", "RUN"] }),
     companion: None,
     are_points_named: true,
     states_load: false,
@@ -287,6 +303,7 @@ static UR: About = About {
     or_context: "",
     start: "no movej to axis angles, no `[robot] start_deg` and no qnear says",
     has_modules: false,
+    calls: None,
     companion: None,
     are_points_named: false,
     states_load: true,
@@ -313,6 +330,7 @@ static JBI: About = About {
     or_context: "",
     start: "INFORM jobs state axis angles in pulses, and no `[robot] start_deg` says",
     has_modules: false,
+    calls: Some(CallWords { own: "NAME", called: &["JOB"] }),
     companion: None,
     are_points_named: false,
     states_load: true,

@@ -1,6 +1,7 @@
 //! Groups modules (RAPID), and `.src` files with their `.dat` (KRL), into programs: files that use each other's names belong together.
 
 use super::Language;
+use super::language::CallWords;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, BufRead};
 
@@ -13,12 +14,14 @@ pub struct ModuleNames {
     declared: BTreeSet<String>,
     local: BTreeSet<String>,
     used: BTreeSet<String>,
+    /// Beginnings of names that it takes from others: of procedures that it calls by a name that it puts together at run time, and of such data.
+    begun: BTreeSet<String>,
 }
 
 /// Groups modules into programs, as indices, in the order of their first module.
 ///
-/// Two modules belong together if one uses a name that it does not declare and exactly one other module declares. Modules with the same
-/// name, or with a `main` each, are different programs.
+/// Two modules belong together if one uses a name, or the beginning of a name, that it does not declare and exactly one other module declares.
+/// Modules with the same name, or with a `main` each, are different programs.
 #[must_use]
 #[doc(hidden)]
 pub fn group_modules(names: &[ModuleNames]) -> Vec<Vec<usize>> {
@@ -30,9 +33,14 @@ pub fn group_modules(names: &[ModuleNames]) -> Vec<Vec<usize>> {
     }
     let mut group: Vec<usize> = (0..names.len()).collect();
     for (i, module) in names.iter().enumerate() {
-        let foreign = |name: &&String| !module.declared.contains(*name) && !module.local.contains(*name);
-        for name in module.used.iter().filter(foreign) {
-            if let Some([owner]) = owners.get(name.as_str()).map(Vec::as_slice) {
+        let foreign = |name: &&str| !module.declared.contains(*name) && !module.local.contains(*name);
+        let used = module
+            .used
+            .iter()
+            .map(String::as_str)
+            .chain(module.begun.iter().flat_map(|beginning| names_with(&owners, beginning)));
+        for name in used.filter(foreign) {
+            if let Some([owner]) = owners.get(name).map(Vec::as_slice) {
                 let (a, b) = (group[i], group[*owner]);
                 let members: Vec<usize> = (0..names.len()).filter(|&m| group[m] == a || group[m] == b).collect();
                 if a != b && fit(names, &members) {
@@ -50,6 +58,12 @@ pub fn group_modules(names: &[ModuleNames]) -> Vec<Vec<usize>> {
     groups.into_values().collect()
 }
 
+/// The declared names with this beginning.
+fn names_with<'a>(owners: &BTreeMap<&'a str, Vec<usize>>, beginning: &'a str) -> Vec<&'a str> {
+    let from = owners.range(beginning..).map(|(name, _)| *name);
+    from.take_while(|name| name.starts_with(beginning)).collect()
+}
+
 /// Whether modules can be loaded into one task.
 fn fit(names: &[ModuleNames], members: &[usize]) -> bool {
     let mut modules = BTreeSet::new();
@@ -63,7 +77,14 @@ impl ModuleNames {
     #[must_use]
     pub fn new(language: Language) -> Self {
         let none = BTreeSet::new;
-        Self { language, module: String::new(), declared: none(), local: none(), used: none() }
+        Self { language, module: String::new(), declared: none(), local: none(), used: none(), begun: none() }
+    }
+
+    /// Whether this program calls another one by its name, in a language whose programs are files of their own.
+    #[must_use]
+    pub fn calls(&self, other: &Self) -> bool {
+        let is_called = self.language.about().calls.is_some() && self.language == other.language;
+        is_called && self.module != other.module && self.used.contains(&other.module)
     }
 
     /// Adds the names of a file of the module, which is read a line at a time.
@@ -82,11 +103,23 @@ impl ModuleNames {
     }
 
     /// Adds a word that follows three others.
-    fn take(&mut self, words: &mut [String; 3], word: &[u8]) {
-        let word = String::from_utf8_lossy(word).to_ascii_uppercase();
+    fn take(&mut self, words: &mut [String; 3], Word { text, is_beginning }: Word<'_>) {
+        let word = String::from_utf8_lossy(text).to_ascii_uppercase();
+        if let Some(CallWords { own, called }) = &self.language.about().calls {
+            if words[2] == *own && self.module.is_empty() {
+                word.clone_into(&mut self.module);
+            } else if called.contains(&words[2].as_str()) {
+                self.used.insert(word.clone());
+            }
+            words.rotate_left(1);
+            words[2] = word;
+            return;
+        }
         let declares = if self.language == Language::Krl { self.krl(words, &word) } else { self.rapid(words, &word) };
-        if !declares && !self.used.contains(&word) {
-            self.used.insert(word.clone());
+        // `CallByVar "Path",n` calls the procedure whose name is the text with the number after it.
+        let list = if is_beginning || words[2] == "CALLBYVAR" { &mut self.begun } else { &mut self.used };
+        if !declares && !list.contains(&word) {
+            list.insert(word.clone());
         }
         words.rotate_left(1);
         words[2] = word;
@@ -131,9 +164,17 @@ impl ModuleNames {
     }
 }
 
+/// A word of a module.
+struct Word<'a> {
+    text: &'a [u8],
+    /// Whether it is only the beginning of a name: a string to which something is added at run time.
+    is_beginning: bool,
+}
+
 /// Words outside of comments, which begin with `comment`, and strings that are one word.
-fn words_of(bytes: &[u8], comment: Option<u8>) -> impl Iterator<Item = &[u8]> {
+fn words_of(bytes: &[u8], comment: Option<u8>) -> impl Iterator<Item = Word<'_>> {
     let mut at = 0;
+    let whole = |text| Word { text, is_beginning: false };
     std::iter::from_fn(move || {
         while at < bytes.len() {
             match bytes[at] {
@@ -144,11 +185,12 @@ fn words_of(bytes: &[u8], comment: Option<u8>) -> impl Iterator<Item = &[u8]> {
                     let start = at + 1;
                     let len = bytes[start..].iter().position(|&b| b == b'"').unwrap_or(bytes.len() - start);
                     at = start + len + 1;
-                    // A text may name a routine: `%"Part_1"%` calls it.
-                    let text = &bytes[start..start + len];
+                    // A text may name a routine: `%"Part_1"%` calls it, and so does `%"Module:Part_1"%`.
+                    let text = bytes[start..start + len].rsplit(|&b| b == b':').next().unwrap_or_default();
                     let is_word = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
                     if text.first().is_some_and(u8::is_ascii_alphabetic) && text.iter().all(is_word) {
-                        return Some(text);
+                        let next = bytes.iter().skip(at).find(|b| !b.is_ascii_whitespace());
+                        return Some(Word { text, is_beginning: next == Some(&b'+') });
                     }
                 }
                 b if b.is_ascii_alphabetic() => {
@@ -156,7 +198,7 @@ fn words_of(bytes: &[u8], comment: Option<u8>) -> impl Iterator<Item = &[u8]> {
                     let end = at + bytes[at..].iter().position(|b| !word(b)).unwrap_or(bytes.len() - at);
                     let found = &bytes[at..end];
                     at = end;
-                    return Some(found);
+                    return Some(whole(found));
                 }
                 // The rest of a number or of a word of another alphabet.
                 b if b.is_ascii_digit() => {
@@ -205,12 +247,42 @@ mod tests {
     }
 
     #[test]
+    fn modules_that_are_called_by_a_name_of_the_run_are_one_program() {
+        let path = |n: usize| format!("MODULE J{n}\n PROC Path{n}()\n ENDPROC\nENDMODULE\n");
+        let (one, two) = (path(1), path(2));
+        for call in ["%\"Path\"+NumToStr(n,0)%;", "CallByVar \"Path\",n;"] {
+            let main = format!("MODULE Main\n PROC main()\n {call}\n ENDPROC\nENDMODULE\n");
+            assert_eq!(groups(&[&main, &one, &two]), [[0, 1, 2]], "{call}");
+        }
+        let main = "MODULE Main\n PROC main()\n %\"J2:Path2\"%;\n ENDPROC\nENDMODULE\n";
+        assert_eq!(groups(&[main, &one, &two]), [vec![0, 2], vec![1]]);
+        // A text that is no name of a procedure, and the beginning of a name that two modules declare, join nothing.
+        let main = "MODULE Main\n PROC main()\n TPWrite \"Path\";\n %\"Path\"+s%;\n ENDPROC\nENDMODULE\n";
+        let copy = one.replace("J1", "Copy");
+        assert_eq!(groups(&[main, &one, &copy]), [[0], [1], [2]]);
+    }
+
+    #[test]
     fn programs_of_their_own_stay_apart() {
         let one = "MODULE Part\n PERS tooldata t:=[];\n PROC main()\n MoveL p,v20,z1,t;\n ENDPROC\nENDMODULE\n";
         let local =
             "MODULE Other\n LOCAL CONST robtarget p:=[];\n PROC run()\n MoveL p,v20,z1,tool0;\n ENDPROC\nENDMODULE\n";
         assert_eq!(groups(&[one, one]), [[0], [1]]);
         assert_eq!(groups(&[one, local]), [[0], [1]]);
+    }
+
+    #[test]
+    fn programs_of_their_own_call_each_other() {
+        let names = |language: Language, text: &str| {
+            let mut names = ModuleNames::new(language);
+            names.read(text.as_bytes()).unwrap();
+            names
+        };
+        let main = names(Language::Ls, "/PROG  MAIN\n/MN\n   1:  CALL SUB_1(R[1]) ;\n   2:  !CALL OTHER ;\n/END\n");
+        let [sub, other] = ["SUB_1", "OTHER"].map(|name| names(Language::Ls, &format!("/PROG {name}\n/MN\n/END\n")));
+        assert!(main.calls(&sub) && !main.calls(&other) && !sub.calls(&main));
+        let main = names(Language::Jbi, "/JOB\n//NAME MAIN\nNOP\nCALL JOB:SUB IF IN#(1)=ON\nEND\n");
+        assert!(main.calls(&names(Language::Jbi, "/JOB\n//NAME SUB\nNOP\nEND\n")));
     }
 
     #[test]
