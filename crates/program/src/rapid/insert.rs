@@ -211,8 +211,8 @@ fn declared_zones(program: &Program) -> &[DeclaredZone] {
 fn zones_in(text: &[u8]) -> impl Iterator<Item = DeclaredZone> {
     const TYPE: &[u8] = b"zonedata";
     let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
-    let places = text.windows(TYPE.len()).enumerate().filter(|(_, word)| word.eq_ignore_ascii_case(TYPE));
-    places.filter_map(move |(at, _)| {
+    let is_type = |at: &usize| text.get(*at..at + TYPE.len()).is_some_and(|word| word.eq_ignore_ascii_case(TYPE));
+    memchr::memchr2_iter(b'z', b'Z', text).filter(is_type).filter_map(move |at| {
         let rest = text[at + TYPE.len()..].trim_ascii_start();
         let (name, rest) = rest.split_at(rest.iter().position(|byte| !is_word(byte)).unwrap_or(rest.len()));
         let before = text[..at].trim_ascii_end();
