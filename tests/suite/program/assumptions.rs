@@ -67,6 +67,17 @@ fn what_the_next_cycle_finds_otherwise_is_reported() {
     assert_eq!(said(&[moves, on, moves].concat()), 1);
     assert_eq!(said(&[on, moves].concat()), 0);
     assert_eq!(said(&[moves, on, moves, off].concat()), 0);
+    for lasting in [
+        "EOffsSet [10,0,0,0,0,0];\n",
+        "SoftAct 1,50;\n",
+        "VelSet 40,5000;\n",
+        "CirPathMode\\ObjectFrame;\n",
+        "ConfJ\\Off;\n",
+        "DeactUnit STN1;\n",
+    ] {
+        assert_eq!(said(&[moves, lasting].concat()), 1, "{lasting}");
+        assert_eq!(said(&[lasting, moves].concat()), 0, "{lasting}");
+    }
 }
 
 #[test]

@@ -74,7 +74,7 @@ fn build(
     for (at, token) in program.tokens.iter().enumerate() {
         let before = &sources[usize::from(token.source)].bytes[..token.span.start as usize];
         if usize::from(token.source) >= written {
-            outcome.used.insert(ir::TokenId(at as u32), Reason::Foreign);
+            outcome.used.insert(ir::TokenId(at as u32), Reason::InContextFile);
         } else if !may_have_sign(before) {
             outcome.used.insert(ir::TokenId(at as u32), Reason::Computed);
         }

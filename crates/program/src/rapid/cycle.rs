@@ -2,8 +2,9 @@
 
 use super::expression::Expression;
 use super::known::RoutineId;
+use super::predefined::Lasting;
 use super::runner::Runner;
-use super::state::{Begun, OnOff};
+use super::state::{Begun, ModalState};
 use super::symbols::{Content, Upper};
 use super::tree::{Storage, statements};
 use super::value::Value;
@@ -30,16 +31,17 @@ impl Runner<'_> {
         }
     }
 
-    /// Records that program displacement will be switched.
-    pub(super) fn displaces(&mut self) {
+    /// Records that an instruction sets a state that lasts.
+    pub(super) fn sets(&mut self, state: Lasting) {
         if self.is_real() {
-            self.begun.moved_before_displacement.get_or_insert(self.counters.motions > 0);
+            self.begun.moved_before.entry(state).or_insert(self.counters.motions > 0);
         }
     }
 
-    /// Warns of tools, work objects and displacement that a motion uses as declared, and that differ in the next cycle.
+    /// Warns of tools, work objects and lasting states that a motion uses as declared or as they are at the start, and that differ in the
+    /// next cycle.
     pub(super) fn tell_next_cycle(&mut self, main: RoutineId) {
-        let Begun { declared, used, moved_before_displacement } = std::mem::take(&mut self.begun);
+        let Begun { declared, used, moved_before } = std::mem::take(&mut self.begun);
         let frames = |value: &Value| (value.tool().map(ToolData::normalised), value.wobj().map(WobjData::normalised));
         for (at, began) in declared.into_iter().filter(|(at, _)| used.contains(at)) {
             let ends = self.content(at);
@@ -54,10 +56,21 @@ impl Runner<'_> {
                 self.tell_cycle(usize::from(data.source), declared.statement, &message);
             }
         }
-        if self.state.modal.displacement != OnOff::Off && moved_before_displacement == Some(true) {
-            let message =
-                "at the end of `main`, program displacement may be on, and its first motions expect it to be off";
-            self.tell_cycle(main.file, self.symbols.routine(main).name, message);
+        let (start, end) = (ModalState::default(), &self.state.modal);
+        let lasting = [
+            (Lasting::Displacement, end.displacement != start.displacement, "program displacement"),
+            (Lasting::AxisOffset, end.axes.offset != start.axes.offset, "the offset of external axes"),
+            (Lasting::Units, end.axes.inactive != start.axes.inactive, "the set of active mechanical units"),
+            (Lasting::Softness, end.soft != start.soft, "soft servo"),
+            (Lasting::Speed, end.velocity != start.velocity, "`VelSet`"),
+            (Lasting::Arcs, end.arcs != start.arcs, "`CirPathMode`"),
+            (Lasting::Configuration, end.nearest != start.nearest, "`ConfJ`"),
+        ];
+        for (state, differs, what) in lasting {
+            if differs && moved_before.get(&state) == Some(&true) {
+                let message = format!("at the end of `main`, {what} may not be as its first motions expect");
+                self.tell_cycle(main.file, self.symbols.routine(main).name, &message);
+            }
         }
     }
 

@@ -46,6 +46,7 @@ impl<'a> Runner<'a> {
                 | Instruction::UnitOn
         );
         self.counters.events += u64::from(!in_head);
+        known.lasting().into_iter().for_each(|state| self.sets(state));
         match known {
             Instruction::Nothing => {}
             Instruction::Arguments => {
@@ -71,12 +72,10 @@ impl<'a> Runner<'a> {
                 if bytes[call.name.range()].eq_ignore_ascii_case(b"PDispOn") && !arguments.has(bytes, b"ExeP") {
                     self.hold_where_it_stands();
                 }
-                self.displaces();
                 self.state.modal.displacement = OnOff::On;
                 self.state.modal.lose(self.others_switch());
             }
             Instruction::DisplacementOff => {
-                self.displaces();
                 self.state.modal.displacement = OnOff::Off;
                 self.state.modal.lose(self.others_switch());
             }

@@ -4,6 +4,34 @@
 //! page: its arguments (which of them are `VAR`, `PERS` or `INOUT`) and its effect on frames and displacement. An unlisted
 //! name may change anything. `docs/soundness.md` repeats these lists.
 
+/// A state that an instruction leaves in force up to the next one, also for the next cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Lasting {
+    Displacement,
+    AxisOffset,
+    Units,
+    Softness,
+    Speed,
+    Arcs,
+    Configuration,
+}
+
+impl Instruction {
+    /// The state that it leaves in force.
+    pub(super) fn lasting(self) -> Option<Lasting> {
+        Some(match self {
+            Self::DisplacementOn | Self::DisplacementOff => Lasting::Displacement,
+            Self::AxisOffsetSet | Self::AxisOffsetOn | Self::AxisOffsetOff => Lasting::AxisOffset,
+            Self::UnitOn | Self::UnitOff => Lasting::Units,
+            Self::SoftOn | Self::SoftOff => Lasting::Softness,
+            Self::Velocity => Lasting::Speed,
+            Self::ArcMode => Lasting::Arcs,
+            Self::Configuration => Lasting::Configuration,
+            _ => return None,
+        })
+    }
+}
+
 /// What an instruction may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Instruction {

@@ -1,5 +1,6 @@
 //! The modal state: everything except data that instructions leave in force, and the parts that statements may switch.
 
+use super::predefined::Lasting;
 use super::value::Value;
 use crate::{ArcTurn, EXTERNAL_AXES, External, Mark, Reason};
 use std::collections::{BTreeMap, BTreeSet};
@@ -280,6 +281,6 @@ pub(super) struct Begun {
     pub(super) declared: BTreeMap<usize, Value>,
     /// Those that a motion uses before any path assigns them.
     pub(super) used: BTreeSet<usize>,
-    /// Whether a motion came before the first instruction that switches program displacement.
-    pub(super) moved_before_displacement: Option<bool>,
+    /// Whether a motion came before the first instruction that sets a state.
+    pub(super) moved_before: BTreeMap<Lasting, bool>,
 }
