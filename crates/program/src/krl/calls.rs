@@ -1,7 +1,7 @@
 //! Assignments, calls, and the start values of data lists.
 
 use super::eval::VariablePath;
-use super::expression::{Call, Expression, Setting};
+use super::expression::{Call, Expression, PathStep, Setting};
 use super::names;
 use super::run::{MAX_CALLS, Runner};
 use super::state::Changes;
@@ -10,6 +10,7 @@ use super::tree::{Param, Started, Statement, StatementKind};
 use super::value::Value;
 use crate::Reason;
 use deflex_lang::walk::Stop;
+use std::collections::{BTreeSet, HashMap};
 
 /// An argument of a call: its value, and the variable that has it.
 pub(super) struct Argument<'e> {
@@ -50,7 +51,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Data of data lists that the program assigns are unknown at the start, because they keep their values from the last run. So do the
-    /// elements of the controller's tables of frames if the program assigns any of them.
+    /// elements of the controller's tables of frames that it assigns.
     fn forget_what_lasts(&mut self) {
         let mut changes = Changes::default();
         // The effects of the routines in BAS.SRC are known.
@@ -63,8 +64,14 @@ impl<'a> Runner<'a> {
         let wholes = wholes.into_iter().filter(|id| changes.ids.contains(id));
         let parts: Vec<_> =
             changes.components.into_iter().filter(|(id, _)| lasts(id) && !tables.contains(id)).collect();
+        let elements = self.assigned_elements();
         for id in tables {
-            self.symbols.start[id].forget_all(Reason::LastRun);
+            match elements.get(&id) {
+                Some(Some(own)) => {
+                    own.iter().for_each(|at| self.symbols.start[id].forget_element(*at, Reason::LastRun))
+                }
+                _ => self.symbols.start[id].forget_all(Reason::LastRun),
+            }
         }
         for id in wholes {
             self.symbols.start[id].forget_parts(Reason::LastRun);
@@ -72,6 +79,40 @@ impl<'a> Runner<'a> {
         for (id, component) in parts {
             self.symbols.start[id].forget_component(&component, Reason::LastRun);
         }
+    }
+
+    /// The elements of each of the controller's tables that the program assigns; `None` if it may assign any.
+    fn assigned_elements(&mut self) -> HashMap<Id, Option<BTreeSet<i64>>> {
+        let mut found: HashMap<Id, Option<BTreeSet<i64>>> = HashMap::new();
+        let routines: Vec<RoutineId> = self.symbols.all().collect();
+        let of =
+            |id: RoutineId| self.symbols.routine(id).statements().into_iter().map(move |statement| (id, statement));
+        for (id, statement) in routines.into_iter().flat_map(of).collect::<Vec<_>>() {
+            let started = match &statement.kind {
+                StatementKind::Trigger(started) | StatementKind::Interrupt(started) => started.run.as_ref(),
+                _ => None,
+            };
+            for statement in [statement].into_iter().chain(started) {
+                // A routine may assign what it is lent.
+                for name in statement.calls().into_iter().flat_map(Call::variables).map(|(_, name)| name) {
+                    found.insert(self.symbols.find(id.file, name), None);
+                }
+                let StatementKind::Assign(setting) = &statement.kind else { continue };
+                let element = match setting.to.steps.first() {
+                    Some(PathStep::Index(at)) => match &at[..] {
+                        [Expression::Known(at)] => at.index(),
+                        _ => None,
+                    },
+                    _ => None,
+                };
+                let own = found.entry(self.symbols.find(id.file, &setting.to.name)).or_insert(Some(BTreeSet::new()));
+                *own = own.take().zip(element).map(|(mut own, at)| {
+                    own.insert(at);
+                    own
+                });
+            }
+        }
+        found
     }
 
     /// `name … = expression`

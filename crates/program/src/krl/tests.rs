@@ -356,7 +356,12 @@ fn tables_that_the_program_assigns_have_the_values_of_the_last_run() {
     let uses = format!("BAS(#INITMOV,0)\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[2]\n{line}");
     assert_eq!(reasons(&program(&uses)), []);
     assert_eq!(reasons(&program(&format!("BASE_DATA[2]={frame}\n{uses}"))), []);
-    for last in [format!("BASE_DATA[2]={frame}"), "BASE_DATA[2].Z=BASE_DATA[2].Z-1.0".to_owned()] {
+    assert_eq!(reasons(&program(&format!("{uses}\nBASE_DATA[16]={frame}"))), []);
+    for last in [
+        format!("BASE_DATA[2]={frame}"),
+        "BASE_DATA[2].Z=BASE_DATA[2].Z-1.0".to_owned(),
+        format!("n=2\nBASE_DATA[n]={frame}"),
+    ] {
         assert_eq!(reasons(&program(&format!("{uses}\n{last}"))), [Reason::Base], "{last}");
     }
 }

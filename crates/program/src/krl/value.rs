@@ -235,6 +235,12 @@ impl Value {
         own.insert(REST, Self::unknown(why));
     }
 
+    /// The same for one element of an array, until it is set.
+    pub(super) fn forget_element(&mut self, at: i64, why: Reason) {
+        let Self::Array(items) = self else { return self.forget(why) };
+        Rc::make_mut(items).entry(at).or_insert_with(|| Self::unknown(why)).forget(why);
+    }
+
     /// The same for each number in it, so that what a further assignment leaves out stays unknown.
     pub(super) fn forget_parts(&mut self, why: Reason) {
         match self {
