@@ -363,9 +363,10 @@ impl Course {
             notes.push(note(message, "record the axes while the program runs: deflex identify --log PROGRAM LOG.csv"));
         }
         if self.unstated > 0 {
-            let (points, are) = if self.unstated == 1 { ("point", "is") } else { ("points", "are") };
+            let (points, are, they_are) =
+                if self.unstated == 1 { ("point", "is", "it is") } else { ("points", "are", "they are") };
             let message = format!(
-                "{} {points} of the path {are} passed, and the program does not say how near: {are} taken as stops",
+                "{} {points} of the path {are} passed, and the program does not say how near: {they_are} taken as stops",
                 self.unstated
             );
             notes.push(note(message, "give the radius in the cell: [controller.path] zone_mm"));
