@@ -216,7 +216,11 @@ fn zones_in(text: &[u8]) -> impl Iterator<Item = DeclaredZone> {
         let rest = text[at + TYPE.len()..].trim_ascii_start();
         let (name, rest) = rest.split_at(rest.iter().position(|byte| !is_word(byte)).unwrap_or(rest.len()));
         let before = text[..at].trim_ascii_end();
-        let is_constant = before.len() >= 5 && before[before.len() - 5..].eq_ignore_ascii_case(b"CONST");
+        // A declaration in a comment has no value.
+        let line = &before[memchr::memrchr2(b'\n', b'\r', before).map_or(0, |end| end + 1)..];
+        let is_constant = before.len() >= 5
+            && before[before.len() - 5..].eq_ignore_ascii_case(b"CONST")
+            && memchr::memchr(b'!', line).is_none();
         let value = rest.trim_ascii_start().strip_prefix(b":=").filter(|_| is_constant).map(<[u8]>::trim_ascii_start);
         let is_name = !name.is_empty();
         is_name.then(|| DeclaredZone { name: name.into(), passing: value.and_then(written_out) })

@@ -134,6 +134,7 @@ fn zones_are_those_of_their_declarations() {
     assert_eq!(passing("", "z10\\Inpos:=inpos50"), Passing::Stop);
     // A name is that of its declaration, also if it looks like a predefined one.
     assert_eq!(passing("CONST zonedata z3:=[FALSE,30,40,40,4,40,4];", "z3"), Passing::Zone(30.0));
+    assert_eq!(passing("! CONST zonedata z3:=[FALSE,30,40,40,4,40,4];", "z3"), Passing::Unstated);
     assert_eq!(passing("VAR zonedata zM:=[FALSE,30,40,40,4,40,4];", "zM"), Passing::Unstated);
     let parameter = module("mv z50;\n  ENDPROC\n  PROC mv(zonedata z1)\nMoveL p1,v100,z1,tool0;");
     assert_eq!(program(&parameter).passing(0), Passing::Unstated);
