@@ -227,6 +227,11 @@ fn held(
 }
 
 impl Correction {
+    /// Position of a target as it will be written, work object, mm.
+    pub(super) fn written_mm(&self, i: usize) -> Vector3<f64> {
+        self.written[i].0.into()
+    }
+
     /// Approximate deflection of the joints under the load of target `i`.
     pub(super) fn nearby(&self, i: usize) -> WarmStart {
         self.first[i].aim().map_or_else(|_| WarmStart::default(), InverseSolution::nearby)

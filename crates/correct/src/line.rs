@@ -278,6 +278,7 @@ impl<'a> Stages<'a> {
         let mut corrected = Corrected { notes, on_the_way, repeated, ..out.finish() };
         if let Some(correction) = correction {
             remarks::insertions(context, &correction, zone_mm, &mut corrected.repeated);
+            remarks::overlapping_blends(context, &correction, &mut corrected.repeated);
             corrected.posted = correction.posted(context, prepared, &commanded.steps);
             corrected.inserted = correction.inserted(&corrected.posted);
             corrected.rewritten = correction.into_rewritten();

@@ -8,9 +8,7 @@ use deflex_program::cl::{self, CorrectedPoint};
 use deflex_program::orientation::rotation;
 use deflex_program::post::refuse_names;
 use deflex_program::post::{PostPlan, PostWriter, PostedPoint, Templates, Text, WriterPosition};
-use deflex_program::{
-    Action, ActionKind, ChunkReader, Goal, Language, Mark, Next, Program, Role, Tool, ToolData, Wobj, WobjData,
-};
+use deflex_program::{Action, ChunkReader, Goal, Language, Mark, Next, Program, Role, Tool, ToolData, Wobj, WobjData};
 use deflex_robot::{AxisName, EXTERNAL_AXES, Pose, turn_numbers};
 use deflex_text::{Diagnostic, Severity};
 use nalgebra::Vector3;
@@ -379,7 +377,6 @@ impl Poster {
             let own = target.mark.or(target.rapid.then_some(Mark::Air));
             let here: SmallVec<[&Action; 4]> =
                 std::iter::from_fn(|| actions.next_if(|action| action.before <= posted.target)).collect();
-            let leaves = |action: &&Action| matches!(action.kind, ActionKind::ToolChange { .. } | ActionKind::Home);
             PostedPoint {
                 position_mm: posted.position_mm,
                 quat: posted.quat,
@@ -388,7 +385,7 @@ impl Poster {
                 speed_mm_s: target.feed_mm_s.unwrap_or(self.first_feed),
                 rapid: target.rapid,
                 stop: matches!(target.goal, Goal::Joints { .. }),
-                joint: target.rapid && here.iter().any(leaves),
+                joint: here.iter().any(|action| action.kind.leaves_path()),
                 lines: self.lines(&here, program, target.tool),
                 mark: own.or_else(|| self.mark(&corrected.rows, target.ordinal)),
                 tool: target.tool,

@@ -7,7 +7,7 @@ use super::laws::Laws;
 use super::messages::Repeated;
 use super::{KeptReason, Prepared};
 use deflex_effects::Need;
-use deflex_program::{Language, Mark, Predecessor, Target, Tool};
+use deflex_program::{Goal, Language, Mark, Predecessor, Target, Tool};
 use deflex_robot::StartedFrom;
 use deflex_text::{Diagnostic, Severity, Span};
 
@@ -127,6 +127,31 @@ fn unsolved(Context { program, .. }: Context<'_>, prepared: &Prepared, repeated:
     }
     for motion in &program.unknown {
         say(motion.reason.into(), MotionInText { source: motion.source, span: motion.span, line: motion.line });
+    }
+}
+
+/// Warns of blends that overlap in the corrected program, if the controller skips such motions: "If the blend region of this move overlaps with
+/// the blend radius of previous or following waypoints, this move will be skipped", URScript Manual, movel.
+pub(super) fn overlapping_blends(
+    Context { program, .. }: Context<'_>,
+    correction: &Correction,
+    repeated: &mut Repeated,
+) {
+    if !program.language.about().skips_overlapping_blends {
+        return;
+    }
+    let is_located = |i: &usize| program.targets[*i].is_end() && matches!(program.targets[*i].goal, Goal::Pose { .. });
+    let ends: Vec<usize> = (0..program.targets.len()).filter(is_located).collect();
+    for (&before, &i) in ends.iter().zip(ends.iter().skip(1)) {
+        let (from, to) = (&program.targets[before], &program.targets[i]);
+        let Some(blend_mm) = program.zone_mm(before) else { continue };
+        let sum_mm = blend_mm + program.zone_mm(i).unwrap_or(0.0);
+        let distance_mm = (correction.written_mm(i) - correction.written_mm(before)).norm();
+        if from.wobj == to.wobj && to.predecessor == Predecessor::Previous && sum_mm > distance_mm {
+            let message = "the blends of this motion and of the one before overlap: the controller skips such a motion";
+            let said = program.error_at(to, "program.blends-overlap", message).severity(Severity::Warning);
+            repeated.say(said.help("make r at most half of the distance to the points before and after"));
+        }
     }
 }
 

@@ -517,6 +517,47 @@ impl Program {
         Expression { kind: ExpressionKind::Number(value, id), place }
     }
 
+    /// The routines that are started by themselves or by an operator, of `candidates`, given those that are called: a routine that no other one
+    /// calls, and the first one of several that only call each other.
+    pub(crate) fn started(&self, candidates: &[FunctionId], called: &BTreeSet<FunctionId>) -> Vec<FunctionId> {
+        let uncalled = candidates.iter().copied().filter(|id| !called.contains(id));
+        let mut started: Vec<FunctionId> = uncalled.collect();
+        let mut reached: BTreeSet<FunctionId> = started.iter().flat_map(|id| self.reached_from(*id)).collect();
+        // The first function has the statements outside of all routines.
+        reached.extend(self.reached_from(FunctionId(0)));
+        for &id in candidates {
+            let calls = self.reached_from(id);
+            if calls.contains(&id) && !reached.contains(&id) {
+                started.push(id);
+                reached.extend(calls);
+            }
+        }
+        started
+    }
+
+    /// The routines that a routine calls, and those that they call.
+    fn reached_from(&self, from: FunctionId) -> BTreeSet<FunctionId> {
+        let (mut reached, mut work) = (BTreeSet::new(), vec![from]);
+        while let Some(id) = work.pop() {
+            let mut expression = |expression: &Expression| {
+                if let ExpressionKind::Call(Callee::Function(id), _) = expression.kind
+                    && reached.insert(id)
+                {
+                    work.push(id);
+                }
+            };
+            let function = &self.functions[id.0 as usize];
+            let defaults = function.parameters.iter().filter_map(|parameter| parameter.default.as_ref());
+            defaults.for_each(|default| default.each(&mut expression));
+            for statement in &function.body {
+                statement.each(&mut |statement| {
+                    statement.expressions().into_iter().for_each(|part| part.each(&mut expression));
+                });
+            }
+        }
+        reached
+    }
+
     /// The literals on which each variable may depend after a run, given the values of some variables before it.
     pub(crate) fn left<'a>(
         &self,

@@ -383,6 +383,7 @@ reasons! {
     SpindlePositionUnwritten = "spindle position that is not written",
     DelayWithoutSpindle = "delay in revolutions without a spindle speed",
     DelayWithoutTime = "delay without a time",
+    DelayUnit = "delay in a unit that is not known",
     DwellWithoutSpindle = "dwell in revolutions without a spindle speed",
     UnknownMark = "unknown mark of deflex: expected DEFLEX AIR or DEFLEX CUT",
     MatrixNoRotation = "matrix of the axis system is not a rotation",

@@ -242,14 +242,16 @@ impl<'a> Runner<'a> {
         let mut store = fresh.clone();
         let is_routine = |entry: &&FunctionId| !self.program.functions[entry.0 as usize].name.is_empty();
         let several = self.program.entries.iter().filter(is_routine).count() > 1;
+        let changed: BTreeSet<Slot> =
+            self.program.entries.iter().flat_map(|entry| self.effects(*entry).writes).collect();
         let mut begins = fresh.clone();
         for entry in &self.program.entries {
             if self.program.variables_outlive_runs && is_routine(&entry) {
                 store = begins.clone();
             } else if is_routine(&entry) && (several || !self.out.motions.is_empty()) {
-                // Any other routine may have run before it, so that no global is known.
+                // Any routine may have run before it.
                 store = fresh.clone();
-                (0..globals).for_each(|at| store.lose(Slot::Global(at as u32), Reason::Argument));
+                changed.iter().for_each(|slot| store.lose(*slot, Reason::Argument));
                 store.set(Switch::Shift, Content::Nothing.into());
                 store.set(Switch::Mark, Content::Nothing.into());
             }

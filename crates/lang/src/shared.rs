@@ -49,7 +49,7 @@ pub fn editable(outcome: &Outcome) -> Vec<Editable> {
     for motion in &outcome.motions {
         for value in points(motion) {
             for token in value.reads.tokens() {
-                used.entry(*token).or_insert(Reason::Shared);
+                used.entry(*token).or_insert(Reason::SharedNumbers);
             }
             if let Content::AxesOf(_) | Content::Pose(_) = value.content {
                 let mut seen = BTreeSet::new();
@@ -57,7 +57,7 @@ pub fn editable(outcome: &Outcome) -> Vec<Editable> {
                     let own = matches!(&number.content, Content::Number(n) if n.affine.is_some());
                     for token in number.reads.tokens() {
                         if !seen.insert(*token) || !own || number.reads.tokens().len() > 1 && !is_own(number, *token) {
-                            used.entry(*token).or_insert(Reason::Shared);
+                            used.entry(*token).or_insert(Reason::SharedNumbers);
                         }
                     }
                 }
@@ -71,7 +71,7 @@ pub fn editable(outcome: &Outcome) -> Vec<Editable> {
             let Some(affine) = pose.affine(at) else { continue };
             let (other, place) = *read_as.entry(affine.token).or_insert((pose, at));
             if place != at || !is_same(pose, other) {
-                used.entry(affine.token).or_insert(Reason::Shared);
+                used.entry(affine.token).or_insert(Reason::SharedNumbers);
             }
         }
     }

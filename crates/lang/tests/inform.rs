@@ -170,7 +170,7 @@ fn a_known_shift_along_its_own_frame_moves_positions() {
     assert_eq!(unknown.reasons(), [Some(Reason::Shift), Some(Reason::Weaves), None]);
     // Shifted and not: the numbers are different points.
     let both = ran("MOVL P100 V=1.0\nSFTON P102 RF\nMOVL P100 V=1.0\nSFTOF\n");
-    assert_eq!(both.reasons(), [Some(Reason::Shared); 2]);
+    assert_eq!(both.reasons(), [Some(Reason::SharedNumbers); 2]);
     // The shift itself is no position to correct.
     let itself = ran("SFTON P102 RF\nMOVL P100 V=1.0\nSFTOF\nMOVL P102 V=1.0\n");
     assert_eq!(itself.reasons(), [None, Some(Reason::Shared)]);

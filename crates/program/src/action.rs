@@ -92,6 +92,13 @@ impl ActionKind {
         }
     }
 
+    /// Whether the arm is elsewhere after it, at its home position or the tool changer.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn leaves_path(&self) -> bool {
+        matches!(self, Self::ToolChange { .. } | Self::Home)
+    }
+
     /// The key of its template under `[cl.post]`; `None` if every language has a statement for it.
     #[must_use]
     pub fn template(&self) -> Option<&'static str> {

@@ -81,6 +81,8 @@ pub struct About {
     pub chooses_turn: bool,
     /// Whether a program can state positions of external axes, so that they may be chosen.
     pub chooses_external: bool,
+    /// Whether the controller skips a motion whose blend overlaps that of its neighbour. Others reduce both.
+    pub skips_overlapping_blends: bool,
     /// Makes files with an empty routine for each name: their names and texts.
     pub declare: fn(&[&str]) -> Vec<(String, String)>,
     /// The orientation of a pose that the user types as three numbers after the position.
@@ -195,6 +197,7 @@ static RAPID: About = About {
     // RAPID reference manual, MoveC.
     chooses_turn: true,
     chooses_external: true,
+    skips_overlapping_blends: false,
     declare: |names| {
         let routines: String = names.iter().map(|name| format!("PROC {name}()\nENDPROC\n")).collect();
         vec![("[controller] harmless".to_owned(), format!("MODULE deflex_harmless\n{routines}ENDMODULE\n"))]
@@ -225,6 +228,7 @@ static CL: About = About {
     arc_turn: ArcTurn::Even,
     chooses_turn: false,
     chooses_external: true,
+    skips_overlapping_blends: false,
     // CL data call nothing.
     declare: |_| Vec::new(),
     turn: from_zyx_deg,
@@ -253,6 +257,7 @@ static KRL: About = About {
     arc_turn: ArcTurn::Even,
     chooses_turn: false,
     chooses_external: false,
+    skips_overlapping_blends: false,
     declare: |names| one_file(names, |name| format!("GLOBAL DEF {name} ( )\nEND\n")),
     turn: from_zyx_deg,
     post: post::krl::STATEMENTS,
@@ -280,6 +285,7 @@ static TP: About = About {
     arc_turn: ArcTurn::Even,
     chooses_turn: false,
     chooses_external: false,
+    skips_overlapping_blends: false,
     declare: |names| {
         let program = |name: &&str| ((*name).to_owned(), format!("/PROG {name}\n/ATTR\n/MN\n/POS\n/END\n"));
         names.iter().map(program).collect()
@@ -310,6 +316,7 @@ static UR: About = About {
     arc_turn: ArcTurn::Even,
     chooses_turn: false,
     chooses_external: false,
+    skips_overlapping_blends: true,
     declare: |names| one_file(names, |name| format!("def {name}():\nend\n")),
     turn: |[rx, ry, rz]| Rotation3::new([rx, ry, rz].into()),
     post: post::ur::STATEMENTS,
@@ -338,6 +345,7 @@ static JBI: About = About {
     arc_turn: ArcTurn::ThroughCirclePoint,
     chooses_turn: false,
     chooses_external: false,
+    skips_overlapping_blends: false,
     declare: |names| one_file(names, |name| format!("/JOB\n//NAME {name}\n//INST\nNOP\nEND\n")),
     turn: |[rx, ry, rz]| from_zyx_deg([rz, ry, rx]),
     post: post::jbi::STATEMENTS,

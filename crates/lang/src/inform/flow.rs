@@ -1,7 +1,7 @@
 //! Instructions that decide which instruction runs next: blocks, jumps and calls.
 
 use super::assign::held;
-use super::parser::{CONDITION, Parser};
+use super::parser::{CONDITION, JOB_START, Parser};
 use crate::Span;
 use crate::ir::{
     Argument, Binary, Callee, Expression, ExpressionKind as Is, Fault, Slot, Statement, StatementKind, Switch,
@@ -189,6 +189,9 @@ impl Parser<'_, '_> {
             self.up_to_condition();
             // To any of them, or to none.
             self.own.labels.iter().flat_map(|(name, count)| (0..*count).map(move |at| format!("{name} {at}"))).collect()
+        } else if self.take_own_job() {
+            self.own.restarts = true;
+            vec![JOB_START.to_owned()]
         } else {
             // Another job, which does not come back here.
             let mut kinds = self.call(start)?;
@@ -202,6 +205,21 @@ impl Parser<'_, '_> {
         });
         let jumps = jumps.collect();
         self.perhaps(jumps, start)
+    }
+
+    /// Takes `JOB:NAME` if that is the name of the present job, and nothing else.
+    fn take_own_job(&mut self) -> bool {
+        let from = self.at;
+        let is_own = self.take("JOB") && self.take(":") && {
+            let name = self.name();
+            let jobs = self.own.jobs.get(name.as_bytes());
+            self.own.job.is_some_and(|job| job.name == name.as_bytes()) && jobs.is_some_and(|jobs| jobs.len() == 1)
+        };
+        let ends = self.is_over() || CONDITION.iter().any(|word| self.next_is(word));
+        if !(is_own && ends) {
+            self.at = from;
+        }
+        is_own && ends
     }
 
     /// `JOB:NAME`, with its arguments.

@@ -5,7 +5,7 @@ use super::expression::variable;
 use super::header::{self, Job};
 use super::lex::Line;
 use super::motion::{has_plain_circles, motion_path};
-use super::parser::{CONDITION, Known, Parser};
+use super::parser::{CONDITION, JOB_START, Known, Parser};
 use super::words::{self, Does};
 use crate::Span;
 use crate::cursor::{declare, global_names, text};
@@ -57,7 +57,7 @@ pub fn read(sources: &[&[u8]], written: usize) -> Result<Program, Fault> {
         parser.job(*id, job)?;
     }
     let begun = jobs.iter().filter(|(_, job)| usize::from(job.place.source) < written).map(|(id, _)| *id);
-    Ok(parser.program(begun.collect()))
+    Ok(parser.program(&begun.collect::<Vec<_>>()))
 }
 
 impl<'a, 'n> Parser<'a, 'n> {
@@ -69,13 +69,17 @@ impl<'a, 'n> Parser<'a, 'n> {
         self.own.passed.clear();
         self.own.circle = (0, None);
         self.survey();
-        let (body, locals) = (self.block(&[])?, self.own.locals.len() as u32);
+        self.own.restarts = false;
+        let (mut body, locals) = (self.block(&[])?, self.own.locals.len() as u32);
+        if self.own.restarts {
+            body.insert(0, Statement { kind: StatementKind::Label(JOB_START.into()), place: job.place });
+        }
         let function = &mut self.program.functions[id.0 as usize];
         (function.body, function.locals) = (body, locals);
         Ok(())
     }
 
-    fn program(mut self, begun: Vec<FunctionId>) -> Program {
+    fn program(mut self, begun: &[FunctionId]) -> Program {
         // Variables keep their values from run to run: what is written anywhere may hold any of it when a run begins.
         let everything = if self.program.foreign.is_empty() { None } else { Some(Reason::Foreign) };
         let everything = everything.or((!self.program.not_understood.is_empty()).then_some(Reason::NotUnderstood));
@@ -108,7 +112,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         }
         self.program.functions[0].body = first;
         self.program.variables_outlive_runs = true;
-        let started = begun.into_iter().filter(|id| !self.called.contains(id));
+        let started = self.program.started(begun, &self.called);
         self.program.entries = [FunctionId(0)].into_iter().chain(started).collect();
         self.program
     }

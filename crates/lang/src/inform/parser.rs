@@ -9,6 +9,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Words that begin the condition of an instruction.
 pub(super) const CONDITION: [&str; 2] = ["IF", "IFEXPRESS"];
+/// Label of the start of a job that jumps there. Labels of the text end in a number.
+pub(super) const JOB_START: &str = "";
 
 /// A variable's kind, `b"P"`, and its number.
 type Numbered = (&'static [u8], u32);
@@ -37,6 +39,8 @@ pub(super) struct Known<'a, 'n> {
     /// How often each label occurs in the job, and how often it was read so far.
     pub(super) labels: BTreeMap<String, u32>,
     pub(super) passed: BTreeMap<String, u32>,
+    /// Whether the job jumps to its own start.
+    pub(super) restarts: bool,
     /// Number of points of the open circle, and its circle point.
     pub(super) circle: (u32, Option<Expression>),
 }

@@ -98,7 +98,7 @@ impl Tp {
             self.registers.clone().for_each(|slot| store.lose(Slot::Global(slot), Reason::Computed));
         } else if let Some(slot) = self.register(index) {
             let is_concurrent = runs_in_parallel(store);
-            *store.get_mut(slot) = known(value, is_concurrent);
+            *store.get_mut(slot) = if is_concurrent { Value::unknown(Reason::Thread) } else { value.clone() };
         }
     }
 

@@ -203,7 +203,7 @@ fn system_variable(upper: &[u8]) -> StatementKind<'static> {
     let has = |wanted: &[u8]| contains(upper, wanted);
     match () {
         () if has(b"FRM_CHKTYP") => StatementKind::Displace(Reason::FrameCheckUnknown),
-        () if has(b"GENOVERRIDE") => StatementKind::Override(b""),
+        () if has(b"GENOVERRIDE") || has(b"PRGOVERRIDE") => StatementKind::Override(b""),
         () if has(b"FRAMENUM") || has(b"TOOLNUM") => StatementKind::Macro,
         () if has(b"FRAME") || has(b"TOOL") => StatementKind::RedefineAny,
         () => StatementKind::Plain,
@@ -581,6 +581,7 @@ mod tests {
         assert_eq!(is("$GROUP[1].$UFRAME=PR[1]"), StatementKind::RedefineAny);
         assert_eq!(is("$FRM_CHKTYP=(-2)"), StatementKind::Displace(Reason::FrameCheckUnknown));
         assert_eq!(is("$MCR.$GENOVERRIDE=50"), StatementKind::Override(b""));
+        assert_eq!(is("$MCR_GRP[1].$PRGOVERRIDE=50"), StatementKind::Override(b""));
         assert_eq!(is("OVERRIDE=R[3:ov]%"), StatementKind::Override(b"R[3:ov]"));
         assert_eq!(is("SOFTFLOAT[1]"), StatementKind::Displace(Reason::Softfloat));
         assert!(matches!(is("Independent GP GP1 L P[1] 5mm/sec FINE GP2 J P[1] 5% FINE"), StatementKind::Motion(_)));

@@ -150,17 +150,11 @@ impl<'a, 'n> Parser<'a, 'n> {
 
     fn program(mut self, written: usize) -> Program {
         let file = FunctionId(0);
-        let is_started = |id: &FunctionId| !self.called.contains(id) && !self.own.threads.contains(id);
-        let outer: Vec<FunctionId> = self
-            .own
-            .outer
-            .iter()
-            .filter(|(_, source)| usize::from(*source) < written)
-            .map(|(id, _)| *id)
-            .filter(is_started)
-            .collect();
-        // A routine that no other one calls is started by itself, or by an operator.
-        self.program.entries = [file].into_iter().chain(outer).collect();
+        let is_candidate =
+            |(id, source): &&(FunctionId, u16)| usize::from(*source) < written && !self.own.threads.contains(id);
+        let candidates: Vec<FunctionId> = self.own.outer.iter().filter(is_candidate).map(|(id, _)| *id).collect();
+        let started = self.program.started(&candidates, &self.called);
+        self.program.entries = [file].into_iter().chain(started).collect();
         self.program.threads = self.own.threads.into_iter().collect();
         self.program
     }

@@ -148,14 +148,16 @@ impl Reader {
         self.machine.wait(kind, record);
     }
 
-    /// `DELAY/s`, `DELAY/n,REV`.
+    /// `DELAY/s`, `DELAY/s,SEC`, `DELAY/n,REV`.
     pub(super) fn delay(&mut self, record: Record, s: &Statement) -> Outcome {
         let Some(time) = s.number_items().iter().next().map(|t| t.value).filter(|t| *t >= 0.0) else {
             return Err(Reason::DelayWithoutTime);
         };
-        let seconds = match s.has(b"REV") {
-            true => 60.0 * time / self.modal.rpm().ok_or(Reason::DelayWithoutSpindle)?,
-            false => time,
+        let unit = s.words().next().map(<[u8]>::to_ascii_uppercase);
+        let seconds = match unit.as_deref() {
+            Some(b"REV") => 60.0 * time / self.modal.rpm().ok_or(Reason::DelayWithoutSpindle)?,
+            None | Some(b"SEC" | b"SECOND" | b"SECONDS") => time,
+            Some(_) => return Err(Reason::DelayUnit),
         };
         self.machine.dwell(seconds, record);
         Ok(())

@@ -50,9 +50,9 @@ impl Machine {
         self.waiting.push((kind, record));
     }
 
-    /// Whether the machine goes to its home position before the next position.
-    pub(super) fn goes_home(&self) -> bool {
-        self.waiting.iter().any(|(kind, _)| *kind == ActionKind::Home)
+    /// Whether the machine leaves the path before the next position, for its home position or another tool.
+    pub(super) fn leaves_path(&self) -> bool {
+        self.waiting.iter().any(|(kind, _)| kind.leaves_path())
     }
 
     pub(super) fn stop(&mut self, record: Record) {

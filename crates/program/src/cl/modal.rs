@@ -91,9 +91,15 @@ enum Spindle {
     #[default]
     Off,
     Rpm(f64),
-    /// Speed of the edge, mm/min.
-    Surface(f64),
+    /// The speed of the edge, mm/min, up to a spindle speed, 1/min.
+    Surface {
+        mm_min: f64,
+        most_rpm: f64,
+    },
 }
+
+/// Words of `SPINDL/` before which or after which the speed stands.
+const SPEED_WORDS: [&[u8]; 7] = [b"RPM", b"SFM", b"SMM", b"CLW", b"CCLW", b"CCW", b"ON"];
 
 /// The places of the numbers of a position.
 pub(super) type Xyz = [Span; 3];
@@ -167,17 +173,22 @@ impl Modal {
         (self.feed, self.feed_unit.unwrap_or(FeedUnit::PerMinute(mm_per_unit)))
     }
 
-    /// `SPINDL/`: speed, unit and sense in any order; `ON` restores the last speed.
+    /// `SPINDL/`: speed, unit and sense in any order; `ON` restores the last speed. A number after another word, as in `RANGE,2`, belongs to
+    /// that word.
     pub(super) fn read_spindle(&mut self, statement: &Statement) {
         if statement.has(b"OFF") {
             self.spindle = Spindle::Off;
-        } else if let Some(speed) = statement.number_items().iter().next() {
+        } else if let Some(speed) = statement.number_without_word(&SPEED_WORDS) {
+            let surface = |mm| {
+                let most_rpm = statement.number_after(b"MAXRPM").unwrap_or(f64::INFINITY);
+                Spindle::Surface { mm_min: speed * mm, most_rpm }
+            };
             self.spindle = if statement.has(b"SFM") {
-                Spindle::Surface(speed.value * FOOT_MM)
+                surface(FOOT_MM)
             } else if statement.has(b"SMM") {
-                Spindle::Surface(speed.value * METRE_MM)
+                surface(METRE_MM)
             } else {
-                Spindle::Rpm(speed.value)
+                Spindle::Rpm(speed)
             };
             self.last_spindle = self.spindle;
         } else {
@@ -190,7 +201,9 @@ impl Modal {
         let rpm = match self.spindle {
             Spindle::Off => return None,
             Spindle::Rpm(rpm) => rpm,
-            Spindle::Surface(mm_min) => mm_min / (std::f64::consts::PI * self.cutter?.diameter_mm),
+            Spindle::Surface { mm_min, most_rpm } => {
+                (mm_min / (std::f64::consts::PI * self.cutter?.diameter_mm)).min(most_rpm)
+            }
         };
         (rpm > 0.0 && rpm.is_finite()).then_some(rpm)
     }

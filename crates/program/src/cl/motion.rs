@@ -295,7 +295,8 @@ impl Reader {
     }
 
     pub(super) fn push(&mut self, record: Record, printed: [f64; 3], step: TargetProperties) {
-        let predecessor = if self.machine.goes_home() { Predecessor::Unknown } else { Predecessor::Previous };
+        let has_left_path = self.machine.leaves_path() && self.ordinal + step.ahead > 1;
+        let predecessor = if has_left_path { Predecessor::Unknown } else { Predecessor::Previous };
         if self.machine.is_waiting() {
             self.take_in_hand(record);
         }

@@ -63,6 +63,39 @@ impl<'a> Statement<'a> {
         self.items.iter().filter(|t| t.kind == TokenKind::Word).map(move |t| &bytes[t.span.range()])
     }
 
+    /// The number directly after `word`.
+    pub(super) fn number_after(&self, word: &[u8]) -> Option<f64> {
+        let is_word = |t: &Token| t.kind == TokenKind::Word && self.bytes[t.span.range()].eq_ignore_ascii_case(word);
+        let values = self.values();
+        values
+            .clone()
+            .zip(values.skip(1))
+            .find(|(t, _)| is_word(t))
+            .map(|(_, t)| t)
+            .filter(|t| t.kind == TokenKind::Number)
+            .map(|t| t.value)
+    }
+
+    /// The first number that does not follow a word other than `words`.
+    pub(super) fn number_without_word(&self, words: &[&[u8]]) -> Option<f64> {
+        let mut is_free = true;
+        for t in self.values() {
+            match t.kind {
+                TokenKind::Number if is_free => return Some(t.value),
+                TokenKind::Word => {
+                    is_free = words.iter().any(|word| self.bytes[t.span.range()].eq_ignore_ascii_case(word));
+                }
+                _ => is_free = true,
+            }
+        }
+        None
+    }
+
+    /// The words and numbers among the items.
+    fn values(&self) -> impl Iterator<Item = &'a Token> + Clone + use<'a> {
+        self.items.iter().filter(|t| matches!(t.kind, TokenKind::Word | TokenKind::Number))
+    }
+
     /// Whether `word` is among the items, in any case.
     pub(super) fn has(&self, word: &[u8]) -> bool {
         self.words().any(|w| w.eq_ignore_ascii_case(word))

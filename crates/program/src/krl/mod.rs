@@ -38,9 +38,6 @@ mod system;
 mod tree;
 mod value;
 
-#[cfg(test)]
-mod tests;
-
 pub use chunks::{CHUNK, Chunk, Chunks};
 
 use super::{Language, Program, Reason};

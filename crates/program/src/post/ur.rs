@@ -8,7 +8,7 @@ use crate::orientation::{quaternion, rotation, rotation_vector};
 use crate::token::single;
 use crate::{Mark, ToolData};
 use deflex_text::number::{printed, write_fixed};
-use nalgebra::Rotation3;
+use nalgebra::{Rotation3, Vector3};
 
 /// Decimals of metres: a tenth of a micrometre.
 const M: usize = 7;
@@ -80,9 +80,9 @@ impl PostWriter {
                 pose(&mut text, &point.position_mm, point.quat);
                 text.extend_from_slice(format!("), a={}, v=", ACCELERATIONS[0]).as_bytes());
                 write_fixed(&mut text, 1e-3 * self.speed_mm_s(point), M);
-                if let Some(blend) = self.corner_mm(&here, point, points.get(i + 1)) {
+                if let Some(blend) = self.blend_mm(&here, point, points.get(i + 1)) {
                     text.extend_from_slice(b", r=");
-                    write_fixed(&mut text, 1e-3 * blend, 4);
+                    write_fixed(&mut text, 1e-3 * blend, M);
                 }
                 text.extend_from_slice(b")\n");
             }
@@ -91,6 +91,19 @@ impl PostWriter {
         lines(&mut text, end);
         text.extend_from_slice(format!("end\n{name}()\n").as_bytes());
         vec![(format!("{name}.script"), text)]
+    }
+
+    /// Radius of the blend at a point, mm: that of its zone, if it does not overlap the blends of its neighbours. The controller skips a motion
+    /// whose blend does (URScript Manual, movel), where others make zones smaller.
+    fn blend_mm(&self, place: &WriterPosition, point: &PostedPoint, next: Option<&PostedPoint>) -> Option<f64> {
+        /// Blends end before half of the way to a neighbour, so that rounded numbers do not make them overlap.
+        const SHARE: f64 = 0.49;
+        let zone_mm = self.corner_mm(place, point, next)?;
+        let distance_mm =
+            |other: &PostedPoint| (Vector3::from(point.position_mm) - Vector3::from(other.position_mm)).norm();
+        let neighbours = place.point_before().into_iter().chain(next);
+        Some(neighbours.map(distance_mm).fold(zone_mm, |blend_mm, distance| blend_mm.min(SHARE * distance)))
+            .filter(|blend_mm| *blend_mm > 0.0)
     }
 }
 

@@ -102,6 +102,11 @@ impl WriterPosition {
         self.before.is_none()
     }
 
+    /// The last point that is written.
+    pub(super) fn point_before(&self) -> Option<&PostedPoint> {
+        self.before.as_ref()
+    }
+
     /// The position after further points, of which all except the last are written.
     #[must_use]
     pub fn after(&self, points: &[PostedPoint]) -> Self {

@@ -400,6 +400,3 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
             .help("give a .mod, .sys or .prg file, or force the language with --input-format"),
     )
 }
-
-#[cfg(test)]
-mod tests;

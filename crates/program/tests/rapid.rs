@@ -1,7 +1,7 @@
 //! Text in, targets and edits out.
 
-use super::read;
-use crate::{Change, Editable, Goal, Insert, Mark, Program, Reason, RewriteOptions, round_trip};
+use deflex_program::rapid::read;
+use deflex_program::{Change, Editable, Goal, Insert, Mark, Program, Reason, RewriteOptions, round_trip};
 use deflex_text::{Source, applied};
 
 fn program(text: &str) -> Program {
@@ -122,7 +122,7 @@ fn one_procedure_runs_under_several_tools() {
 
 #[test]
 fn zones_are_those_of_their_declarations() {
-    use crate::Passing;
+    use deflex_program::Passing;
     let motion = |zone: &str| format!("MoveL p1,v100,{zone},tool0;");
     let passing = |body: &str, zone: &str| program(&module(&format!("{body}\n{}", motion(zone)))).passing(0);
     assert_eq!(passing("", "z10"), Passing::Zone(10.0));

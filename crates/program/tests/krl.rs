@@ -1,6 +1,10 @@
-use super::*;
-use crate::{ArcTurn, Change, Editable, Goal, Mark, Motion, Reason, RewriteOptions, Role};
-use deflex_text::applied;
+//! Reads small KRL programs and checks the targets, the reasons and the edits.
+
+#![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
+
+use deflex_program::krl::read;
+use deflex_program::{ArcTurn, Change, Editable, Goal, Mark, Motion, Program, Reason, RewriteOptions, Role};
+use deflex_text::{Source, applied};
 
 fn program_of(texts: &[(&str, &str)], context: &[(&str, &str)]) -> Program {
     let sources = |texts: &[(&str, &str)]| texts.iter().map(|(name, text)| Source::new(*name, *text)).collect();
@@ -12,7 +16,7 @@ fn program(body: &str) -> Program {
 }
 
 fn positions(program: &Program) -> Vec<[f64; 3]> {
-    let position = |target: &crate::Target| match target.goal {
+    let position = |target: &deflex_program::Target| match target.goal {
         Goal::Pose { position_mm, .. } => position_mm,
         _ => [f64::NAN; 3],
     };
@@ -20,7 +24,7 @@ fn positions(program: &Program) -> Vec<[f64; 3]> {
 }
 
 fn moved(program: &Program, by: f64) -> Vec<String> {
-    let change = |target: &crate::Target| match target.goal {
+    let change = |target: &deflex_program::Target| match target.goal {
         Goal::Pose { position_mm, .. } => {
             Some(Change { position_mm: position_mm.map(|v| v + by), quat: None, conf: None, external: None })
         }
@@ -50,7 +54,7 @@ fn inline_positions_are_edited_where_they_stand() {
     assert_eq!((p.targets[0].editable, p.literal_targets, p.motion_targets()), (Editable::Pose, 1, 1));
     let Goal::Pose { quat, .. } = p.targets[0].goal else { panic!() };
     // Rz(90) Rx(180): x to y, y to x, z down.
-    let r = crate::orientation::rotation(quat);
+    let r = deflex_program::orientation::rotation(quat);
     assert!((r * nalgebra::Vector3::x() - nalgebra::Vector3::y()).amax() < 1e-12);
     assert!((r * nalgebra::Vector3::z() + nalgebra::Vector3::z()).amax() < 1e-12);
     let text = &moved(&p, 0.25)[0];
@@ -124,7 +128,7 @@ fn joint_motions_keep_status_and_turn_true() {
     let p = program(
         "PTP {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,S 'B010',T 35}\nLIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0,S 6,T 50}",
     );
-    let written = Some(crate::Conf::Status(crate::StatusAndTurn { status: 2, turn: 35 }));
+    let written = Some(deflex_program::Conf::Status(deflex_program::StatusAndTurn { status: 2, turn: 35 }));
     let conf = |i: usize| if let Goal::Pose { conf, .. } = p.targets[i].goal { conf } else { None };
     assert_eq!((conf(0), conf(1)), (written, None));
     assert!(p.targets.iter().all(|t| t.editable == Editable::Pose));
@@ -223,7 +227,7 @@ fn spline_forms_name_their_frames() {
 
 /// Whether each target's whole pose may be edited, its position alone, or nothing.
 fn editable(program: &Program) -> Vec<char> {
-    let letter = |target: &crate::Target| match target.editable {
+    let letter = |target: &deflex_program::Target| match target.editable {
         Editable::Pose => 'P',
         Editable::Position => 'p',
         Editable::No(_) => '-',
