@@ -49,7 +49,7 @@ pub fn editable(outcome: &Outcome) -> Vec<Editable> {
     for motion in &outcome.motions {
         for value in points(motion) {
             for token in value.reads.tokens() {
-                used.entry(*token).or_insert(Reason::SharedNumbers);
+                used.entry(*token).or_insert(Reason::Shared);
             }
             if let Content::AxesOf(_) | Content::Pose(_) = value.content {
                 let mut seen = BTreeSet::new();
