@@ -396,7 +396,10 @@ impl Walk<'_, '_> {
         let unknown = if is_cut_unknown {
             Some(KeptReason::CutUnknown)
         } else {
-            let is_unknown = self.depends_on_unknown(target, starts_unknown, frame.is_some() || held.is_some());
+            let has_frame = frame.is_some() || held.is_some();
+            // The way to the first target is that after it, unless the program does not say that either.
+            let is_on_way = previous.is_some() || direction.is_some();
+            let is_unknown = self.depends_on_unknown(target, starts_unknown || !is_on_way, has_frame);
             is_unknown.then_some(KeptReason::PredecessorUnknown)
         };
         if let Some(why) = unknown {

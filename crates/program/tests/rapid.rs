@@ -171,3 +171,65 @@ fn not_before_and_has_no_known_value() {
     assert_eq!(moves("NOT bA OR bB"), [two]);
     assert_eq!(moves("bA AND NOT bB"), [one]);
 }
+
+/// The codes of the messages about a program of two procedures.
+fn next_cycle_notes(main: &str, more: &str) -> usize {
+    let text = format!("{}\n", module(main)).replace("ENDMODULE", &format!("{more}\nENDMODULE"));
+    program(&text).diagnostics.iter().filter(|note| note.code == "rapid.next-cycle").count()
+}
+
+#[test]
+fn the_next_cycle_begins_with_what_any_end_of_the_cycle_left() {
+    let moves = "MoveL p1,v100,fine,tool0;\nMoveL p2,v100,fine,tool0;\n";
+    let set = "PDispSet [[0,0,50],[1,0,0,0]];\n";
+    let notes = |main: String| next_cycle_notes(&main, "");
+    assert_eq!(notes(format!("{moves}{set}IF DInput(di)=1 ExitCycle;\nPDispOff;")), 1);
+    assert_eq!(notes(format!("{moves}{set}IF DInput(di)=1 THEN PDispOff; ExitCycle; ENDIF\nPDispOff;")), 0);
+    // Only one of the paths to the first motion switches the displacement off.
+    assert_eq!(notes(format!("IF DInput(di)=1 PDispOff;\n{moves}{set}")), 1);
+    assert_eq!(notes(format!("PDispOff;\n{moves}{set}")), 0);
+    // A trap may end the cycle at any moment.
+    let trap = "TRAP t\nExitCycle;\nENDTRAP";
+    assert_eq!(next_cycle_notes(&format!("{moves}{set}{moves}PDispOff;"), trap), 1);
+    assert_eq!(next_cycle_notes(&format!("{moves}{set}{moves}PDispOff;"), ""), 0);
+}
+
+#[test]
+fn the_next_cycle_finds_frames_in_arrays_records_and_copies_otherwise() {
+    let wobj = "[FALSE,TRUE,\"\",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]";
+    let notes = |declared: &str, main: &str| {
+        let text = module(main).replace("PROC main", &format!("{declared}\n  PROC main"));
+        program(&text.replace("$W", wobj)).diagnostics.iter().filter(|note| note.code == "rapid.next-cycle").count()
+    };
+    let array = "PERS wobjdata w{2}:=[$W,$W];";
+    assert_eq!(notes(array, "MoveL p1,v9,fine,tool0\\WObj:=w{1};\nw{1}.oframe.trans.z:=-2;"), 1);
+    let record = "RECORD fix wobjdata w; num n; ENDRECORD\n VAR fix f:=[$W,1];";
+    assert_eq!(notes(record, "MoveL p1,v9,fine,tool0\\WObj:=f.w;\nf.w.oframe.trans.z:=-2;"), 1);
+    assert_eq!(notes(record, "MoveL p1,v9,fine,tool0\\WObj:=f.w;\nf.n:=f.n+1;"), 0);
+    let copied = "VAR wobjdata w:=$W;\n VAR wobjdata c;";
+    assert_eq!(notes(copied, "c:=w;\nMoveL p1,v9,fine,tool0\\WObj:=c;\nw.oframe.trans.z:=-2;"), 1);
+    assert_eq!(
+        notes(copied, "w.oframe.trans.z:=0;\nc:=w;\nMoveL p1,v9,fine,tool0\\WObj:=c;\nw.oframe.trans.z:=-2;"),
+        0
+    );
+}
+
+#[test]
+fn a_routine_without_a_caller_depends_on_the_states_that_another_one_sets() {
+    let text = |set: &str| {
+        module("").replace(
+            "PROC main()\n\n  ENDPROC",
+            &format!("PROC on()\n{set}\nENDPROC\nPROC part()\nMoveL p1,v9,fine,tool0;\nENDPROC"),
+        )
+    };
+    let warned = |set: &str| program(&text(set)).diagnostics.iter().filter(|one| one.code == "rapid.no-caller").count();
+    let sets = [
+        "VelSet 10,800;",
+        "SoftAct 1,20;",
+        "ConfJ\\Off;",
+        "PDispSet [[0,0,1],[1,0,0,0]];",
+        "CirPathMode\\ObjectFrame;",
+    ];
+    assert_eq!(sets.map(warned), [1; 5]);
+    assert_eq!(warned("SetDO d1,1;"), 0);
+}

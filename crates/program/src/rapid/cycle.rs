@@ -2,11 +2,11 @@
 
 use super::expression::Expression;
 use super::known::RoutineId;
-use super::predefined::Lasting;
+use super::lasting::LastingStates;
 use super::runner::Runner;
 use super::state::{Begun, ModalState};
 use super::symbols::{Content, Upper};
-use super::tree::{Storage, statements};
+use super::tree::{RoutineKind, Statement, Storage, statements};
 use super::value::Value;
 use crate::{ToolData, WobjData};
 use deflex_text::{Diagnostic, Severity, Span};
@@ -18,36 +18,67 @@ impl Runner<'_> {
         let frame = |at: &usize| {
             let data = &self.symbols.variables[*at];
             let declared = matches!(data.content, Content::Declared(_)) && data.storage != Storage::Const;
-            declared && data.assigned && data.volatile.is_none() && matches!(&*data.kind, b"TOOLDATA" | b"WOBJDATA")
+            let has_frames =
+                matches!(&*data.kind, b"TOOLDATA" | b"WOBJDATA") || self.symbols.records.contains_key(&*data.kind);
+            declared && data.assigned && data.volatile.is_none() && has_frames
         };
         let frames: Vec<usize> = (0..self.symbols.data).filter(frame).collect();
         self.begun.declared = frames.into_iter().map(|at| (at, self.content(at))).collect();
     }
 
-    /// Records that a motion or a parameter takes its tool or work object from a variable.
+    /// Records that a motion, a parameter or an expression takes a tool or work object from a variable.
     pub(super) fn uses_frame(&mut self, at: usize) {
         if self.is_real() && self.begun.declared.contains_key(&at) && !self.state.values.contains_key(&at) {
             self.begun.used.insert(at);
         }
     }
 
-    /// Records that an instruction sets a state that lasts.
-    pub(super) fn sets(&mut self, state: Lasting) {
+    /// Records that a motion uses the states in force.
+    pub(super) fn uses_states(&mut self) {
+        self.begun.expected = self.begun.expected.union(self.state.modal.as_begun);
+        self.begun.passed = self.begun.passed.union(self.states_set());
+    }
+
+    /// Records that the cycle may end here.
+    pub(super) fn ends_cycle(&mut self) {
         if self.is_real() {
-            self.begun.moved_before.entry(state).or_insert(self.counters.motions > 0);
+            self.begun.left = self.begun.left.union(self.states_set());
         }
+    }
+
+    /// The states that are not as at the beginning.
+    fn states_set(&self) -> LastingStates {
+        LastingStates::differing(&self.state.modal, &ModalState::default())
+    }
+
+    /// Whether a trap may end the cycle, which it may do at any moment.
+    fn traps_end_cycle(&self) -> bool {
+        let ends = |id: RoutineId| {
+            let bytes = self.bytes(id.file);
+            let calls = |statement: &&Statement| {
+                statement.call().is_some_and(|call| bytes[call.name.range()].eq_ignore_ascii_case(b"ExitCycle"))
+            };
+            statements(&self.symbols.routine(id).body).iter().any(calls)
+        };
+        self.symbols.all().any(|id| {
+            let is_trap = self.symbols.routine(id).kind == RoutineKind::Trap;
+            is_trap && self.reached_from(id).into_iter().any(ends)
+        })
     }
 
     /// Warns of tools, work objects and lasting states that a motion uses as declared or as they are at the start, and that differ in the
     /// next cycle.
     pub(super) fn tell_next_cycle(&mut self, main: RoutineId) {
-        let Begun { declared, used, moved_before } = std::mem::take(&mut self.begun);
-        let frames = |value: &Value| (value.tool().map(ToolData::normalised), value.wobj().map(WobjData::normalised));
+        self.ends_cycle();
+        let Begun { declared, used, expected, mut left, passed } = std::mem::take(&mut self.begun);
+        if self.traps_end_cycle() {
+            left = left.union(passed);
+        }
         for (at, began) in declared.into_iter().filter(|(at, _)| used.contains(at)) {
             let ends = self.content(at);
             let data = &self.symbols.variables[at];
             if let Some(declared) = data.declared
-                && frames(&began) != frames(&ends)
+                && have_other_frames(&began, &ends)
             {
                 let message = format!(
                     "at the end of `main`, `{}` differs from the value that its first motions expect",
@@ -56,25 +87,13 @@ impl Runner<'_> {
                 self.tell_cycle(usize::from(data.source), declared.statement, &message);
             }
         }
-        let (start, end) = (ModalState::default(), &self.state.modal);
-        let lasting = [
-            (Lasting::Displacement, end.displacement != start.displacement, "program displacement"),
-            (Lasting::AxisOffset, end.axes.offset != start.axes.offset, "the offset of external axes"),
-            (Lasting::Units, end.axes.inactive != start.axes.inactive, "the set of active mechanical units"),
-            (Lasting::Softness, end.soft != start.soft, "soft servo"),
-            (Lasting::Speed, end.velocity != start.velocity, "`VelSet`"),
-            (Lasting::Arcs, end.arcs != start.arcs, "`CirPathMode`"),
-            (Lasting::Configuration, end.nearest != start.nearest, "`ConfJ`"),
-        ];
-        for (state, differs, what) in lasting {
-            if differs && moved_before.get(&state) == Some(&true) {
-                let message = format!("at the end of `main`, {what} may not be as its first motions expect");
-                self.tell_cycle(main.file, self.symbols.routine(main).name, &message);
-            }
+        for state in expected.common(left).iter() {
+            let message = format!("at the end of `main`, {} may not be as its first motions expect", state.what());
+            self.tell_cycle(main.file, self.symbols.routine(main).name, &message);
         }
     }
 
-    /// Warns of data that a routine without a caller uses, and of a displacement, where another such routine changes them: the calls of
+    /// Warns of data that a routine without a caller uses, and of lasting states, where another such routine changes them: the calls of
     /// both are not in the files, and their order decides.
     pub(super) fn tell_other_entries(&mut self, id: RoutineId, entries: &[RoutineId]) {
         let own = self.symbols.changed_by(id);
@@ -85,9 +104,8 @@ impl Runner<'_> {
             changed.extend(
                 used.map(|at| (format!("the value of `{}` in the text", self.symbols.variables[at].name), other)),
             );
-            if changes.switches.displacement && !own.switches.displacement {
-                changed.push(("program displacement switched off".to_owned(), other));
-            }
+            let states = LastingStates::switched(changes.switches).without(LastingStates::switched(own.switches));
+            changed.extend(states.iter().map(|state| (format!("{} as at the start", state.what()), other)));
         }
         changed.sort();
         changed.dedup_by(|a, b| a.0 == b.0);
@@ -104,23 +122,15 @@ impl Runner<'_> {
 
     /// Data that the statements of a routine, and of those that it calls, name.
     fn data_named_in(&self, id: RoutineId) -> BTreeSet<usize> {
-        let (mut data, mut routines) = (BTreeSet::new(), vec![id]);
-        let mut at = 0;
-        while let Some(&id) = routines.get(at) {
-            at += 1;
+        let mut data = BTreeSet::new();
+        for id in self.reached_from(id) {
             let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
-            let body = &self.symbols.routine(id).body;
-            for statement in statements(body) {
+            for statement in statements(&self.symbols.routine(id).body) {
                 statement.each(&mut |part: &Expression| {
                     if part.is_name() {
                         data.extend(self.symbols.find_data(module, &Upper::new(&bytes[part.span.range()])));
                     }
                 });
-            }
-            for callee in self.calls(id, body) {
-                if !routines.contains(&callee) {
-                    routines.push(callee);
-                }
             }
         }
         data
@@ -130,5 +140,17 @@ impl Runner<'_> {
         let note = Diagnostic::error("rapid.next-cycle", "", message).at(&self.symbols.sources[source], span);
         let help = "set it before the first motion: otherwise the next cycle drives these motions to other places than the correction assumes";
         self.messages.diagnostics.push(note.severity(Severity::Note).help(help));
+    }
+}
+
+/// Whether a tool or work object in a value differs from that in another value. Arrays and records may hold several.
+fn have_other_frames(a: &Value, b: &Value) -> bool {
+    let frames = |value: &Value| (value.tool().map(ToolData::normalised), value.wobj().map(WobjData::normalised));
+    let pair = (frames(a), frames(b));
+    match (a.list(), b.list()) {
+        _ if pair.0 != (None, None) || pair.1 != (None, None) => pair.0 != pair.1,
+        (Some(a), Some(b)) => a.len() != b.len() || a.iter().zip(b).any(|(a, b)| have_other_frames(a, b)),
+        (Some(_), None) | (None, Some(_)) => true,
+        (None, None) => false,
     }
 }

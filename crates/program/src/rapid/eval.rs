@@ -147,6 +147,7 @@ impl<'a> Runner<'a> {
         // An initial value consists of constants; a variable would have its value of another moment.
         let changes = !scope.running && variable.assigned;
         let kind = Some(Arc::clone(&variable.kind));
+        self.uses_frame(at);
         let value = self.content(at);
         NamedValue { value: if changes { Value::Unknown(Reason::InitialValueChanges) } else { value }, kind }
     }

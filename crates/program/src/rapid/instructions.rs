@@ -46,7 +46,7 @@ impl<'a> Runner<'a> {
                 | Instruction::UnitOn
         );
         self.counters.events += u64::from(!in_head);
-        known.lasting().into_iter().for_each(|state| self.sets(state));
+        known.lasting().into_iter().for_each(|state| self.state.modal.as_begun.remove(state));
         match known {
             Instruction::Nothing => {}
             Instruction::Arguments => {
@@ -123,7 +123,10 @@ impl<'a> Runner<'a> {
                 self.keep_here(span, Reason::ExternalAxesOnly);
             }
             Instruction::ClearsPath => self.state.stands = Stands::Unknown,
-            Instruction::Ends => return Err(Stop::Ends),
+            Instruction::Ends => {
+                self.ends_cycle();
+                return Err(Stop::Ends);
+            }
             Instruction::Raises if self.raise() => {}
             Instruction::Raises => return Err(Stop::Ends),
         }

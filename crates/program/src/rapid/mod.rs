@@ -38,6 +38,7 @@ mod insert;
 mod instructions;
 mod kinds;
 mod known;
+mod lasting;
 mod lex;
 mod lines;
 mod literal;

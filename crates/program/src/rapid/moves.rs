@@ -36,6 +36,7 @@ impl<'a> Runner<'a> {
         };
         let via = shape.via.and_then(|at| arguments.get(at));
         if self.is_real() {
+            self.uses_states();
             self.counters.motions += 1;
             self.counters.arcs += usize::from(shape.motion == Motion::Circular);
         }

@@ -4,17 +4,7 @@
 //! page: its arguments (which of them are `VAR`, `PERS` or `INOUT`) and its effect on frames and displacement. An unlisted
 //! name may change anything. `docs/soundness.md` repeats these lists.
 
-/// A state that an instruction leaves in force up to the next one, also for the next cycle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Lasting {
-    Displacement,
-    AxisOffset,
-    Units,
-    Softness,
-    Speed,
-    Arcs,
-    Configuration,
-}
+use super::lasting::Lasting;
 
 impl Instruction {
     /// The state that it leaves in force.

@@ -1,6 +1,6 @@
 //! The modal state: everything except data that instructions leave in force, and the parts that statements may switch.
 
-use super::predefined::Lasting;
+use super::lasting::LastingStates;
 use super::value::Value;
 use crate::{ArcTurn, EXTERNAL_AXES, External, Mark, Reason};
 use std::collections::{BTreeMap, BTreeSet};
@@ -163,6 +163,8 @@ pub(super) struct ModalState {
     pub(super) arcs: ArcMode,
     /// Whether joint motions go to the nearest configuration instead of the programmed one (`ConfJ\Off`).
     pub(super) nearest: OnOff,
+    /// The states that no instruction has set since the cycle began, on some path.
+    pub(super) as_begun: LastingStates,
 }
 
 impl Default for ModalState {
@@ -177,6 +179,7 @@ impl Default for ModalState {
             velocity: Some(Velocity::AS_PROGRAMMED),
             arcs: ArcMode::default(),
             nearest: OnOff::Off,
+            as_begun: LastingStates::all(),
         }
     }
 }
@@ -193,6 +196,7 @@ impl ModalState {
             velocity: self.velocity.filter(|_| self.velocity == other.velocity),
             arcs: self.arcs.join(other.arcs),
             nearest: self.nearest.join(other.nearest),
+            as_begun: self.as_begun.union(other.as_begun),
         }
     }
 
@@ -274,13 +278,17 @@ impl BitOrAssign for Switches {
     }
 }
 
-/// The declared values on which `main` relies.
+/// The declared values and the states on which `main` relies, and those that it leaves.
 #[derive(Default)]
 pub(super) struct Begun {
     /// Tools and work objects that the program assigns.
     pub(super) declared: BTreeMap<usize, Value>,
     /// Those that a motion uses before any path assigns them.
     pub(super) used: BTreeSet<usize>,
-    /// Whether a motion came before the first instruction that sets a state.
-    pub(super) moved_before: BTreeMap<Lasting, bool>,
+    /// The states that a motion uses before an instruction sets them on every path.
+    pub(super) expected: LastingStates,
+    /// Those that are not as at the beginning, at an `ExitCycle` or the end.
+    pub(super) left: LastingStates,
+    /// The same at any motion.
+    pub(super) passed: LastingStates,
 }

@@ -180,15 +180,10 @@ impl<'a> Runner<'a> {
     pub(super) fn tell_traps_that_move(&mut self) {
         let is_trap = |id: &RoutineId| self.symbols.routine(*id).kind == RoutineKind::Trap;
         for id in self.symbols.all().filter(is_trap).collect::<Vec<_>>() {
-            let (mut reached, mut waiting) = (BTreeSet::from([id]), vec![id]);
-            while let Some(caller) = waiting.pop() {
-                let called = self.calls(caller, &self.symbols.routine(caller).body);
-                waiting.extend(called.filter(|callee| reached.insert(*callee)));
-            }
             let moves = |id: RoutineId| {
                 statements(&self.symbols.routine(id).body).into_iter().any(|statement| self.is_motion(id, statement))
             };
-            if !reached.into_iter().any(moves) {
+            if !self.reached_from(id).into_iter().any(moves) {
                 continue;
             }
             let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();
@@ -200,6 +195,16 @@ impl<'a> Runner<'a> {
             let help = "let it move back to the interrupted position (StorePath, CRobT, RestoPath) before the program continues";
             self.messages.diagnostics.push(note.severity(Severity::Note).help(help));
         }
+    }
+
+    /// A routine, those that it calls, and those that they call.
+    pub(super) fn reached_from(&self, id: RoutineId) -> BTreeSet<RoutineId> {
+        let (mut reached, mut waiting) = (BTreeSet::from([id]), vec![id]);
+        while let Some(caller) = waiting.pop() {
+            let called = self.calls(caller, &self.symbols.routine(caller).body);
+            waiting.extend(called.filter(|callee| reached.insert(*callee)));
+        }
+        reached
     }
 
     /// Whether a statement is a motion instruction, not a call of a routine with that name.
