@@ -2,6 +2,7 @@
 
 use crate::identify::{no_data, rough};
 use deflex::cell::Cell;
+use deflex::correct::{Standing, predict_poses, tool_of};
 use deflex::identify::{Identification, Input, identify};
 use deflex::measured::Table;
 use deflex::robot::{Joints, Pose};
@@ -73,6 +74,37 @@ fn found(csv: String) -> Result<Identification, Vec<Diagnostic>> {
     let cell = Cell::read(&Source::new("cell.toml", CELL.as_bytes().to_vec())).unwrap();
     let poses = vec![Table::read(&Source::new("poses.csv", csv.into_bytes()))?];
     identify(Input { poses, ..no_data(&cell) })
+}
+
+#[test]
+fn forces_are_those_of_the_base_however_the_instrument_stands() {
+    let text = std::fs::read("samples/slot/cell.toml").unwrap();
+    let cell = Cell::read(&Source::new("cell.toml", text)).unwrap();
+    let tool = tool_of(&cell, None).unwrap();
+    let device = Pose::from_parts(Translation3::new(4.0, -2.0, 1.0), Rotation3::from_euler_angles(2.0, 0.4, -1.6));
+    let deg = |i: usize| -> [f64; 6] {
+        let middle = [0.0, 25.0, 15.0, 0.0, 40.0, 0.0];
+        std::array::from_fn(|j| middle[j] + 25.0 * rough(1000 * j + i))
+    };
+    let force = |i: usize| -> [f64; 3] { std::array::from_fn(|k| 250.0 * rough(50_000 + 1000 * k + i)) };
+    let (degs, forces): (Vec<_>, Vec<_>) = (0..80).map(|i| (deg(i), force(i))).unzip();
+    let loaded = predict_poses(&cell, &tool, &degs, &forces, Standing::default()).unwrap();
+    let mut csv = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n\n".to_owned();
+    for (i, there) in loaded.iter().enumerate() {
+        let seen = 1e3 * (device * there.as_ref().unwrap()).translation.vector;
+        let noise = Vector3::from_fn(|k, _| NOISE.0 * rough(77_000 + 3 * i + k));
+        let numbers =
+            degs[i].iter().copied().chain((seen + noise).iter().copied().collect::<Vec<_>>()).chain(forces[i]);
+        csv += &numbers.map(|number| number.to_string()).collect::<Vec<_>>().join(",");
+        csv.push('\n');
+    }
+    let poses = vec![Table::read(&Source::new("poses.csv", csv.into_bytes())).unwrap()];
+    let found = identify(Input { poses, ..no_data(&cell) }).unwrap();
+    assert!(found.added.is_empty(), "{:?}", found.added);
+    // The declared cell is right: what stays is the noise, of three axes and with the pose of the instrument fitted.
+    for errors in [&found.before, &found.after] {
+        assert!((0.7..1.3).contains(&(errors.rms_mm / (NOISE.0 * 3.0_f64.sqrt()))), "{errors:?}");
+    }
 }
 
 /// Width of a parameter's interval.

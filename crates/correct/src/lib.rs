@@ -264,7 +264,7 @@ impl Prepared {
         self.points.iter().map(into).collect()
     }
 
-    /// Moves the work objects; the points stay where they are in the base.
+    /// Moves the work objects; the points and the measured forces at them stay as they are in the base.
     #[doc(hidden)]
     pub fn place_in(&mut self, base_from_wobj: impl Fn(&Pose) -> Pose) {
         let before = self.shared.settings.clone();
@@ -277,6 +277,9 @@ impl Prepared {
             let base_from_tcp = before[at].setting.base_from_wobj * point.wobj_from_tcp;
             point.wobj_from_tcp = settings[at].setting.base_from_wobj.inv_mul(&base_from_tcp);
             point.reference = point.wobj_from_tcp;
+            let turned =
+                settings[at].setting.base_from_wobj.rotation.inverse() * before[at].setting.base_from_wobj.rotation;
+            point.turn_measured_force(&turned);
         }
     }
 

@@ -307,6 +307,13 @@ impl Point {
         self.load = PointLoad::Constant { force, follows: Follows::WorkObject };
     }
 
+    /// Turns a measured force from other axes into those of the work object.
+    pub(super) fn turn_measured_force(&mut self, wobj_from_other: &Rotation3<f64>) {
+        if let PointLoad::Constant { force, follows: Follows::WorkObject } = &mut self.load {
+            *force = wobj_from_other * *force;
+        }
+    }
+
     /// Compliance of the part at a share of the segment from this point to another one.
     pub(super) fn part_between(&self, to: &Self, share: f64) -> Option<Arc<PartYield>> {
         match (&self.part, &to.part) {

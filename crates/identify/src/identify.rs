@@ -68,7 +68,15 @@ pub fn identify(input: Input<'_>) -> Result<Identification, Vec<Diagnostic>> {
         ]);
     }
     let mut engine = Engine::new(declared, problem, &cell.covariances);
-    let before = if engine.aside.is_empty() { before } else { engine.problem.residual(&engine.declared) };
+    let before = match engine.problem.extent {
+        Extent::Part if engine.aside.is_empty() => before,
+        Extent::Part => engine.problem.residual(&engine.declared),
+        // Where the instrument stands was estimated without the deflection; now it is fitted with it.
+        Extent::Robot => {
+            engine.descend();
+            engine.residual()
+        }
+    };
     engine.widen_frame(&before);
     let places = device_pose::places(&engine.problem);
     let (doubt, model) = match engine.problem.extent {
