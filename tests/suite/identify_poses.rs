@@ -78,9 +78,10 @@ fn found(csv: String) -> Result<Identification, Vec<Diagnostic>> {
 
 #[test]
 fn forces_are_those_of_the_base_however_the_instrument_stands() {
-    let text = std::fs::read("samples/slot/cell.toml").unwrap();
-    let cell = Cell::read(&Source::new("cell.toml", text)).unwrap();
-    let tool = tool_of(&cell, None).unwrap();
+    let text = std::fs::read_to_string("samples/slot/cell.toml").unwrap();
+    let text = text + "\n[tools.reflector]\ntcp_mm = [30, 0, 250]\ntcp_quat = [1, 0, 0, 0]\n";
+    let cell = Cell::read(&Source::new("cell.toml", text.into_bytes())).unwrap();
+    let tool = tool_of(&cell, Some("reflector")).unwrap();
     let device = Pose::from_parts(Translation3::new(4.0, -2.0, 1.0), Rotation3::from_euler_angles(2.0, 0.4, -1.6));
     let deg = |i: usize| -> [f64; 6] {
         let middle = [0.0, 25.0, 15.0, 0.0, 40.0, 0.0];
@@ -99,7 +100,7 @@ fn forces_are_those_of_the_base_however_the_instrument_stands() {
         csv.push('\n');
     }
     let poses = vec![Table::read(&Source::new("poses.csv", csv.into_bytes())).unwrap()];
-    let found = identify(Input { poses, ..no_data(&cell) }).unwrap();
+    let found = identify(Input { poses, tool: Some("reflector"), ..no_data(&cell) }).unwrap();
     assert!(found.added.is_empty(), "{:?}", found.added);
     // The declared cell is right: what stays is the noise, of three axes and with the pose of the instrument fitted.
     for errors in [&found.before, &found.after] {
