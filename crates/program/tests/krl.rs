@@ -819,3 +819,34 @@ fn external_axes_are_in_use_where_one_is_not_at_zero() {
     assert!(rests.targets[0].external.as_ref().unwrap().is_at_rest());
     assert_eq!(program(&format!("LIN {line}}}")).targets[0].external, None);
 }
+
+#[test]
+fn a_routine_that_only_reads_what_it_is_lent_leaves_it_known() {
+    let routine = "DEF PATH(L[]:OUT,N:IN)\nE6POS L[]\nINT N,I\nFOR I=1 TO N\nLIN L[I] C_DIS\nENDFOR\nEND\n\
+                   DEF CUT(PT)\nE6POS PT\nLIN PT\nEND\n";
+    let points = "DEFDAT A\nDECL E6POS XA[2]\nXA[1]={X 1.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\n\
+                  XA[2]={X 2.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nDECL E6POS XP={X 3.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n";
+    let read = |more: &str| {
+        let source = format!("DEF a( )\nPATH(XA[],2)\nCUT(XP)\nEND\n{routine}{more}");
+        program_of(&[("a.src", &source), ("a.dat", points)], &[])
+    };
+    let known = read("");
+    assert_eq!(positions(&known).iter().map(|at| at[0]).collect::<Vec<_>>(), [1.0, 2.0, 3.0]);
+    assert!(known.targets.iter().all(|target| target.editable == Editable::Pose), "{:?}", known.targets);
+    // A routine that assigns its parameter, or passes it on to one that does.
+    let assigned =
+        read("DEF SET(PT)\nE6POS PT\nPT.Z=5.0\nEND\nDEF ON(PT)\nE6POS PT\nSET(PT)\nEND\nDEF B()\nON(XP)\nEND\n");
+    assert_eq!(positions(&assigned).len(), 2);
+}
+
+#[test]
+fn quotients_of_reals_are_known_and_those_of_whole_numbers_are_not() {
+    let speeds = |value: &str| {
+        let body = format!("DECL REAL F\nDECL INT N\nF=3000\nN=3000\n$VEL.CP={value}\nLIN {{X 1,Y 0,Z 0,A 0,B 0,C 0}}");
+        program(&body).targets[0].feed_mm_s
+    };
+    for known in ["50.0/1000.0", "F/60000", "N/60000.0", "3000/6E4", "F/60.0/1000"] {
+        assert!(speeds(known).is_some_and(|feed| (feed - 50.0).abs() < 1e-9), "{known}: {:?}", speeds(known));
+    }
+    assert_eq!([speeds("N/60000"), speeds("50/0.0"), speeds("(N/7)*1.0")], [None; 3]);
+}

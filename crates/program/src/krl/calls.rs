@@ -7,10 +7,10 @@ use super::run::{MAX_CALLS, Runner};
 use super::state::Changes;
 use super::symbols::{APPROXIMATION, BASE, BASE_NAME, Id, POSITION, RoutineId, STANDS, Symbols, TOOL, TOOL_NAME};
 use super::tree::{Param, Started, Statement, StatementKind};
-use super::value::Value;
+use super::value::{Name, Value};
 use crate::Reason;
 use deflex_lang::walk::Stop;
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// An argument of a call: its value, and the variable that has it.
 pub(super) struct Argument<'e> {
@@ -94,8 +94,13 @@ impl<'a> Runner<'a> {
             };
             for statement in [statement].into_iter().chain(started) {
                 // A routine may assign what it is lent.
-                for name in statement.calls().into_iter().flat_map(Call::variables).map(|(_, name)| name) {
-                    found.insert(self.symbols.find(id.file, name), None);
+                for call in statement.calls() {
+                    let called = self.symbols.find_routine(id.file, &call.name);
+                    let is_assigned =
+                        |at| called.is_none_or(|called| self.assigns_parameter(called, at, &mut HashSet::new()));
+                    let lent: Vec<&Name> =
+                        call.variables().filter(|(at, _)| is_assigned(*at)).map(|(_, name)| name).collect();
+                    lent.into_iter().for_each(|name| drop(found.insert(self.symbols.find(id.file, name), None)));
                 }
                 let StatementKind::Assign(setting) = &statement.kind else { continue };
                 let element = match setting.to.steps.first() {

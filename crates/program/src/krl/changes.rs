@@ -191,15 +191,11 @@ impl<'a> Runner<'a> {
             }
             return;
         }
-        // A copy is all that a parameter with `:IN` gets.
         let lent: Vec<&Name> = match self.symbols.find_routine(scope.file, &call.name) {
             Some(id) => {
                 self.changes_of(id, changes);
-                let params = &self.symbols.routine(id).params;
-                call.variables()
-                    .filter(|(at, _)| params.get(*at).is_none_or(|param| param.is_out))
-                    .map(|(_, name)| name)
-                    .collect()
+                let assigned = call.variables().filter(|(at, _)| self.assigns_parameter(id, *at, &mut HashSet::new()));
+                assigned.map(|(_, name)| name).collect()
             }
             None => {
                 let starts = matches!(first, Some(Expression::Known(value)) if value.index() == Some(1));
@@ -208,6 +204,50 @@ impl<'a> Runner<'a> {
             }
         };
         lent.into_iter().for_each(|name| self.changed(name, scope, changes));
+    }
+
+    /// Whether a routine may assign the variable that is passed for a parameter. A copy is all that a parameter with `:IN` gets. `seen` has the
+    /// parameters that were looked at before.
+    pub(super) fn assigns_parameter(&self, id: RoutineId, at: usize, seen: &mut HashSet<(RoutineId, usize)>) -> bool {
+        let routine = self.symbols.routine(id);
+        let Some(parameter) = routine.params.get(at) else { return true };
+        if !parameter.is_out || !seen.insert((id, at)) {
+            return false;
+        }
+        let name = &parameter.name;
+        routine.statements().into_iter().any(|statement| {
+            let started = match &statement.kind {
+                StatementKind::Trigger(started) | StatementKind::Interrupt(started) => started.run.as_ref(),
+                _ => None,
+            };
+            [statement].into_iter().chain(started).any(|statement| self.assigns(id, statement, name, seen))
+        })
+    }
+
+    /// Whether a statement of a routine may assign the variable of a parameter with this name.
+    fn assigns(
+        &self,
+        id: RoutineId,
+        statement: &Statement,
+        name: &Name,
+        seen: &mut HashSet<(RoutineId, usize)>,
+    ) -> bool {
+        let is_elsewhere = matches!(statement.kind, StatementKind::NotUnderstood(_) | StatementKind::WaitFor(_));
+        is_elsewhere && statement.names().contains(&name)
+            || statement.settings().iter().any(|setting| setting.to.name == *name)
+            || statement.calls().into_iter().any(|call| {
+                let called = self.symbols.find_routine(id.file, &call.name);
+                call.variables().filter(|(_, given)| *given == name).any(|(at, _)| match called {
+                    Some(called) => self.assigns_parameter(called, at, seen),
+                    None => call.name[..] != *b"BAS" && self.gives_away(&call.name),
+                })
+            })
+    }
+
+    /// Whether a routine of which no file has the text may change the variables in its arguments.
+    fn gives_away(&self, name: &[u8]) -> bool {
+        let keeps = matches!(system(name), Some(System::Nothing | System::Data(_)));
+        !(keeps || names::is_frame_function(name))
     }
 
     /// The program waits until a condition holds: if it does not hold yet, something else changes the data that it names.

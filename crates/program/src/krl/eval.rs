@@ -75,13 +75,18 @@ impl<'a> Runner<'a> {
                 let fields = fields.iter().map(|(name, value)| (name.clone(), self.expression(value)));
                 Value::Record(Rc::new(fields.collect()))
             }
-            Expression::Chain(first, rest) => rest.iter().fold(self.evaluate(first), |value, (operator, other)| {
-                let other = self.evaluate(other);
-                match operator {
-                    Operator::Frame => chained(&value, &other).unwrap_or(Value::unknown(Reason::ChainOfUnknown)),
-                    Operator::Other(operator) => operate(*operator, &value, &other),
-                }
-            }),
+            Expression::Chain(first, rest) => {
+                let mut is_real = self.is_real(first);
+                rest.iter().fold(self.evaluate(first), |value, (operator, other)| {
+                    is_real |= self.is_real(other);
+                    let other = self.evaluate(other);
+                    match operator {
+                        Operator::Frame => chained(&value, &other).unwrap_or(Value::unknown(Reason::ChainOfUnknown)),
+                        Operator::Other(Binary::Divide) if is_real => quotient(&value, &other),
+                        Operator::Other(operator) => operate(*operator, &value, &other),
+                    }
+                })
+            }
             Expression::Unknown(why, parts) | Expression::Refused(why, _, parts) => {
                 parts.iter().for_each(|part| drop(self.evaluate(part)));
                 if let Expression::Refused(_, at, _) = of {
@@ -89,6 +94,22 @@ impl<'a> Runner<'a> {
                 }
                 Value::unknown(*why)
             }
+        }
+    }
+
+    /// Whether a number is surely a REAL and not an INT, by its text or its declaration.
+    fn is_real(&mut self, of: &Expression) -> bool {
+        match of {
+            Expression::Known(Value::Number(_, Some(token))) => {
+                let text = &self.bytes(usize::from(token.source))[token.span.range()];
+                text.iter().any(|byte| matches!(byte, b'.' | b'E' | b'e'))
+            }
+            Expression::Path(path) => {
+                let place = self.place(path);
+                self.symbols.is_real(place.id, &place.steps)
+            }
+            Expression::Chain(first, rest) => self.is_real(first) || rest.iter().any(|(_, other)| self.is_real(other)),
+            _ => false,
         }
     }
 
@@ -170,6 +191,12 @@ impl<'a> Runner<'a> {
         }
         value
     }
+}
+
+/// The quotient of two numbers of which one is a REAL. That of two INT is [`operate`]d, because it has no decimals.
+fn quotient(a: &Value, b: &Value) -> Value {
+    let quotient = a.number().zip(b.number()).map(|(a, b)| a / b).filter(|quotient| quotient.is_finite());
+    quotient.map_or(Value::unknown(Reason::Computed), |quotient| Value::Number(quotient, None))
 }
 
 /// Arithmetic, comparisons and logic of known values.
