@@ -158,6 +158,9 @@ pub(super) fn summary_text(summary: &FileSummary, kind: PathKind) -> String {
             );
         }
     }
+    if summary.counts.max_sigma_mm > 0.0 {
+        add("their uncertainty (sigma)", None, summary.counts.max_sigma_mm);
+    }
     if let Some(path) = &summary.driven_path {
         let figures = path.corrected.unwrap_or(path.programmed);
         add("driven path", None, figures.max_mm);

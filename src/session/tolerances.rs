@@ -131,7 +131,8 @@ impl Tolerances {
             let judgement = self.refused_judgement(streamed.last as usize);
             ((about_the_program(cell, refused)?, more), judgement, Summary::default())
         };
-        let notes = streamed.notes.into_iter().chain(not_judged(name, &judgement)).collect();
+        let notes = streamed.notes.into_iter().chain(not_judged(name, &judgement)).chain(self.uncertain(name, &sum));
+        let notes = notes.collect();
         let file = CheckFile::new(name, judgement, found);
         let path = path.map(|path| (FileSummary::of(name, &sum, &[]).with_findings(&file.findings, file.more), path));
         Ok(Found { file, rows: None, path, notes })
@@ -168,8 +169,9 @@ impl Tolerances {
         listed.add(self.findings(Judged { program, rows: &predicted.rows, failures, moved_mm, on_the_way }));
         noticed.take(&predicted.rows);
         let left_out = noticed.notes(name)?;
-        let judgement = self.judgement(targets, &Summary::of(&predicted.rows), listed.unjudged, noticed.into_digest());
-        let not_judged: Vec<Diagnostic> = not_judged(name, &judgement).collect();
+        let sum = Summary::of(&predicted.rows);
+        let judgement = self.judgement(targets, &sum, listed.unjudged, noticed.into_digest());
+        let not_judged: Vec<Diagnostic> = not_judged(name, &judgement).chain(self.uncertain(name, &sum)).collect();
         let file = CheckFile::new(name, judgement, listed.wrong.into_parts());
         let rows = Rows::new(&predicted.rows);
         let path = path.map(|mut path| {
@@ -179,6 +181,18 @@ impl Tolerances {
         });
         let notes = predicted.notes.into_iter().chain(left_out).chain(not_judged).collect();
         Ok(Found { file, rows: Some(rows), path, notes })
+    }
+
+    /// A warning if the errors are less certain than they are limited: a target within the limit may be off by more.
+    fn uncertain(&self, name: &str, sum: &Summary) -> Option<Diagnostic> {
+        let message = format!(
+            "the standard uncertainty of the predicted errors is up to {:.3} mm per axis, more than the {} mm allowed: the check \
+             cannot show that the part is within the tolerance",
+            sum.max_sigma_mm, self.max_error
+        );
+        let warning = Diagnostic::error("check.uncertain", name, message).severity(Severity::Warning);
+        let help = "measure this program, or one at the same place with the same postures, and give `deflex identify` these rows too";
+        (sum.max_sigma_mm > self.max_error).then(|| warning.help(help))
     }
 
     /// The judgement of a program with this number of targets.

@@ -336,6 +336,9 @@ pub struct Summary {
     /// Number of targets whose segment could not be judged.
     #[serde(skip)]
     pub paths_unknown: usize,
+    /// Largest standard uncertainty of a predicted error, for each axis, mm; 0 if the cell states no covariance.
+    #[serde(skip)]
+    pub max_sigma_mm: f64,
 }
 
 impl Summary {
@@ -441,6 +444,7 @@ impl Tally {
                 continue;
             }
             self.all.add(error);
+            sum.max_sigma_mm = sum.max_sigma_mm.max(row.sigma_mm.unwrap_or(0.0));
             match row.path {
                 Some(path) => {
                     self.path = self.path.and(path);

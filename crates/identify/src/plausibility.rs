@@ -235,10 +235,12 @@ fn doubled(taken: &[MatchedRow]) -> Option<Fault> {
     let timed = found[0].1.time_s.is_some();
     // Coarse readings of a target that was measured twice can be equal.
     let is_copied = timed || 2 * again().filter(same).count() > again().count();
+    let others = again().filter(same).count() - 1;
+    let also = if others > 0 { format!("; {others} more rows repeat another one") } else { String::new() };
     is_copied.then(|| Fault {
         line: found[1].1.line,
-        message: format!("the row repeats line {} number by number", found[0].1.line),
-        help: "delete one of the two".to_owned(),
+        message: format!("the row repeats line {} number by number{also}", found[0].1.line),
+        help: "delete the rows that are there twice, or export the table again".to_owned(),
     })
 }
 

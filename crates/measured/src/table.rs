@@ -101,8 +101,9 @@ fn largest(column: usize) -> f64 {
     }
 }
 
-/// Number of messages about a file that are listed; further ones are counted.
-const MESSAGES: usize = 20;
+/// Number of wrong rows after which a file is not read further: some megabytes of messages. The command line prints equal ones once, with their
+/// number.
+const MESSAGES: usize = 10_000;
 
 impl Table {
     /// Reads a measured file.

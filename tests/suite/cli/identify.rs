@@ -41,9 +41,15 @@ fn the_effect_is_named_and_the_extended_cell_corrects_another_program() {
         let off = ["x", "y", "z"].map(off);
         assert!(off.iter().all(|off| off.abs() < 4.5 * 0.013), "target {}: {off:?}", seen["target"]);
     }
-    bench
+    let ran = bench
         .run("compensate transfer.mod --cell cell2.toml --forces transfer_measured.csv -o out.mod --report out.csv")
         .exits(0);
+    assert!(ran.stderr.contains("their uncertainty (sigma)"), "{}", ran.stderr);
+    // What is less certain than it is limited is not shown by a check.
+    let check = "check out.mod --against transfer.mod --cell cell2.toml --forces transfer_measured.csv --at-targets --max-error";
+    let uncertain =
+        |most: &str| bench.run(&format!("{check} {most}")).exits(0).stderr.contains("cannot show that the part");
+    assert_eq!(["0.0005", "0.5"].map(uncertain), [true, false]);
     let report = bench.read("out.csv");
     let at = report.lines().next().unwrap().split(',').position(|column| column == "sigma_mm").unwrap();
     let sigma: f64 = report.lines().nth(2).unwrap().split(',').nth(at).unwrap().parse().unwrap();
