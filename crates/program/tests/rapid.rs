@@ -171,3 +171,67 @@ fn not_before_and_has_no_known_value() {
     assert_eq!(moves("NOT bA OR bB"), [two]);
     assert_eq!(moves("bA AND NOT bB"), [one]);
 }
+
+const TOOLS: &str = "PERS tooldata tA:=[TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n\
+     PERS tooldata tB:=[TRUE,[[0,0,200],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n";
+
+fn robtarget(x: f64) -> String {
+    format!("[[{x},0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]")
+}
+
+/// The text after each target was moved by its tool's number, so that motions with other tools need other numbers.
+fn cloned(texts: &[String]) -> Vec<String> {
+    let sources = texts.iter().enumerate().map(|(i, text)| Source::new(format!("{i}.mod"), text.clone()));
+    let p = read(sources.collect(), Vec::new()).unwrap();
+    let change = |target: &deflex_program::Target| match target.goal {
+        Goal::Pose { position_mm: [x, y, z], .. } => {
+            let by = 0.25 * f64::from(1 + u8::from(&*p.tools[usize::from(target.tool)].name == "tB"));
+            Some(Change { position_mm: [x, y, z + by], quat: None, conf: None, external: None })
+        }
+        _ => None,
+    };
+    let changes: Vec<_> = p.targets.iter().map(change).collect();
+    let options = RewriteOptions { allow_clones: true, ..RewriteOptions::default() };
+    let edits = p.rewrite(&changes, &[], &options).edits;
+    let write = |(source, edits): (&Source, &Vec<_>)| String::from_utf8(applied(&source.bytes, edits)).unwrap();
+    p.sources.iter().zip(&edits).map(write).collect()
+}
+
+/// A parameter has the name of the declaration, and the literal in one call of several; or it is seen where the declaration is not.
+#[test]
+fn no_clone_replaces_a_parameter() {
+    let one = robtarget(1.0);
+    let first = "MoveL p1,v50,fine,tA;\nrSub p1;\n";
+    for parameter in ["robtarget p1", "PERS robtarget p1", "INOUT robtarget p1"] {
+        let sub = format!("PROC rSub({parameter})\nMoveL p1,v50,fine,tB;\nENDPROC\n");
+        let global = format!(
+            "MODULE M\n{TOOLS}CONST robtarget p1:={one};\nPROC main()\n{first}rSub Offs(p1,0,0,60);\nENDPROC\n{sub}ENDMODULE\n"
+        );
+        let local =
+            format!("MODULE M\n{TOOLS}PROC main()\nCONST robtarget p1:={one};\n{first}ENDPROC\n{sub}ENDMODULE\n");
+        let elsewhere = [
+            format!("MODULE M\n{TOOLS}LOCAL CONST robtarget p1:={one};\nPROC main()\n{first}ENDPROC\nENDMODULE\n"),
+            format!("MODULE N\n{sub}ENDMODULE\n"),
+        ];
+        for texts in [&[global][..], &[local], &elsewhere] {
+            assert!(!cloned(texts).concat().contains("p1_"), "{parameter}");
+        }
+    }
+    let part = format!(
+        "MODULE M\n{TOOLS}RECORD op\nrobtarget a;\nENDRECORD\nCONST op o1:=[{one}];\nPROC main()\nMoveL o1.a,v50,fine,tA;\n\
+         rSub o1;\nENDPROC\nPROC rSub(op o1)\nMoveL o1.a,v50,fine,tB;\nENDPROC\nENDMODULE\n"
+    );
+    assert_eq!(cloned(std::slice::from_ref(&part)), [part]);
+}
+
+#[test]
+fn clones_stand_beside_their_declaration() {
+    let text = format!(
+        "MODULE M\n{TOOLS}PROC main()\nCONST robtarget p1:={};\nMoveL p1,v50,fine,tA;\nMoveL p1,v50,fine,tB;\nENDPROC\nENDMODULE\n",
+        robtarget(1.0)
+    );
+    let out = &cloned(&[text])[0];
+    let declared = "CONST robtarget p1:=[[1,0,0.2500]";
+    assert!(out.contains(declared) && out.contains("CONST robtarget p1_2:=[[1,0,0.5000]"), "{out}");
+    assert!(out.contains("MoveL p1,v50,fine,tA;\nMoveL p1_2,v50,fine,tB;"), "{out}");
+}

@@ -8,7 +8,7 @@ use super::tree::StatementKind;
 use super::value::quarters;
 use super::value::unit;
 use super::writer::Writer;
-use super::{Layout, TargetInText};
+use super::{Given, Layout, TargetInText};
 use crate::line::{indent, line_end, line_start};
 use crate::token::single;
 use crate::{Conf, Goal, Insert, Inserted, Motion, Passing, Program, Reason, Target};
@@ -230,7 +230,7 @@ fn zones_in(text: &[u8]) -> impl Iterator<Item = DeclaredZone> {
 /// The target that an instruction has written out as its first argument.
 fn own_literal(target: &Target, layout: &Layout, i: usize) -> Option<Span> {
     let literal = match layout.sites.get(i)? {
-        TargetInText::Literal { literal, argument: None } => layout.literals.get(*literal as usize)?.span(),
+        TargetInText::Literal { literal, given: Given::Inline } => layout.literals.get(*literal as usize)?.span(),
         _ => return None,
     };
     target.span.range().contains(&(literal.start as usize)).then_some(literal)

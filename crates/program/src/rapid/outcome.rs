@@ -3,7 +3,7 @@
 use super::runner::Runner;
 use super::state::Standing;
 use super::tree::{File, RoutineKind, StatementKind};
-use super::{Layout, TargetInText};
+use super::{Given, Layout, TargetInText};
 use crate::{Editable, Goal, Kept, Motion, Reason, Role, Target, Tool, UnknownMotion, Wobj};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::Diagnostic;
@@ -191,8 +191,9 @@ impl Runner<'_> {
 
     /// Whether each motion of a plain program goes to an inline target.
     fn inline(&self) -> bool {
-        let inline =
-            |site: &TargetInText| matches!(site, TargetInText::Literal { argument: None, .. } | TargetInText::None);
+        let inline = |site: &TargetInText| {
+            matches!(site, TargetInText::Literal { given: Given::Inline, .. } | TargetInText::None)
+        };
         self.found.sites.iter().all(inline) && self.found.targets.iter().all(|target| target.name.is_none())
     }
 }
