@@ -261,6 +261,7 @@ reasons! {
     CompactIf = "the condition before it is for one instruction",
     ProcessMotion = "motion during which the controller does more than move",
     RunsAgain = "the motion runs more than once, and so would an inserted point",
+    RunsElsewhere = "the motion also runs where deflex does not follow it, and so would an inserted point",
     NoSuchTarget = "no such target",
     NoSuchStatement = "no such statement",
     InSpline = "in a spline block: a point between would make it another curve",

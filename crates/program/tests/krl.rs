@@ -819,3 +819,18 @@ fn external_axes_are_in_use_where_one_is_not_at_zero() {
     assert!(rests.targets[0].external.as_ref().unwrap().is_at_rest());
     assert_eq!(program(&format!("LIN {line}}}")).targets[0].external, None);
 }
+
+/// A GLOBAL routine that nothing in the files calls is there for other programs: a point in what it calls would be driven to there, too.
+#[test]
+fn nothing_is_inserted_in_routines_that_also_run_elsewhere() {
+    let position = "{X 200.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 180.0}";
+    let sub = "DEF SUB(Q:IN)\nE6POS Q\nLIN Q\nEND\n";
+    let text = |other: &str| {
+        format!("DEF a()\nLIN {{X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 180.0}}\nSUB({position})\nEND\n{sub}{other}")
+    };
+    let refused = |other: &str| program_of(&[("a.src", &text(other))], &[]).insertions_refused(&[1]);
+    assert_eq!(refused(""), [None]);
+    assert_eq!(refused(&format!("GLOBAL DEF SVC()\nSUB({position})\nEND\n")), [Some(Reason::RunsElsewhere)]);
+    let through = format!("GLOBAL DEF SVC()\nMID()\nEND\nDEF MID()\nSUB({position})\nEND\n");
+    assert_eq!(refused(&through), [Some(Reason::RunsElsewhere)]);
+}

@@ -235,3 +235,66 @@ fn clones_stand_beside_their_declaration() {
     assert!(out.contains(declared) && out.contains("CONST robtarget p1_2:=[[1,0,0.5000]"), "{out}");
     assert!(out.contains("MoveL p1,v50,fine,tA;\nMoveL p1_2,v50,fine,tB;"), "{out}");
 }
+
+/// Programs in which `rCut`, with this body, also runs where the program does not follow it.
+fn run_elsewhere(body: &str) -> Vec<(&'static str, String)> {
+    let (one, two) = (robtarget(0.0), robtarget(300.0));
+    let program = |main: &str, others: &str| {
+        format!(
+            "MODULE M\n{TOOLS}VAR intnum i1;\nCONST robtarget p1:={one};\nCONST robtarget p2:={two};\nCONST robtarget p3:={one};\n\
+             PROC main()\nMoveL p1,v50,fine,tA;\nrCut p2,tA;\n{main}ENDPROC\n\
+             PROC rCut(robtarget p,PERS tooldata t)\n{body}\nENDPROC\n{others}ENDMODULE\n"
+        )
+    };
+    let again = "rCut p3,tB;\n";
+    let called = |part: &str| format!("PROC rU()\nWaitTime 1;\n{part}\n{again}ENDPROC\n");
+    vec![
+        ("trap", program("CONNECT i1 WITH tT;\n", &format!("TRAP tT\n{again}ENDTRAP\n"))),
+        ("handler", program(&format!("WaitDI di1,1\\MaxTime:=3;\nERROR\n{again}TRYNEXT;\n"), "")),
+        ("function", program("b:=fM();\n", &format!("FUNC bool fM()\n{again}RETURN TRUE;\nENDFUNC\n"))),
+        ("undo", program("rU;\n", &called("UNDO"))),
+        ("backward", program("rU;\n", &called("BACKWARD"))),
+        ("synchronised", program("MoveLSync p1,v500,z10,tA,\"rS\";\n", &format!("PROC rS()\n{again}ENDPROC\n"))),
+        ("endless", program("rR 3;\n", &format!("PROC rR(num n)\nIF GInput(gi1)>n rR n-1;\n{again}ENDPROC\n"))),
+        ("operator", program("", &format!("PROC rS()\n{again}ENDPROC\n"))),
+        ("operator, same tool", program("", "PROC rS()\nrCut p3,tA;\nENDPROC\n")),
+    ]
+}
+
+/// The same text moves the robot to another place, or in another frame, in the run that is not followed.
+#[test]
+fn numbers_of_routines_that_also_run_elsewhere_stay() {
+    for body in [
+        "MoveL Offs(p,0,0,-4),v50,fine,t;",
+        "MoveL RelTool(p,0,0,4),v50,fine,t;",
+        "MoveC Offs(p,-20,20,0),Offs(p,0,40,0),v50,fine,t;",
+    ] {
+        for (why, text) in run_elsewhere(body) {
+            let p = program(&text);
+            let cut = p.targets.iter().filter(|target| target.name.is_none());
+            let editable: Vec<Editable> = cut.map(|target| target.editable).collect();
+            assert!(!editable.is_empty(), "{why}");
+            assert!(editable.iter().all(|e| matches!(e, Editable::No(_))), "{why} {body}: {editable:?}");
+        }
+    }
+}
+
+/// An inserted point would be driven to in the run that is not followed, too.
+#[test]
+fn nothing_is_inserted_in_routines_that_also_run_elsewhere() {
+    for (why, text) in run_elsewhere("MoveL p,v50,fine,t;") {
+        assert_eq!(program(&text).insertions_refused(&[1]), [Some(Reason::RunsElsewhere)], "{why}");
+    }
+    // Without the other run, a point may be inserted.
+    let (_, text) = run_elsewhere("MoveL p,v50,fine,t;").swap_remove(0);
+    let text = text.replace("TRAP tT\nrCut p3,tB;", "TRAP tT\nStopMove;");
+    assert_eq!(program(&text).insertions_refused(&[1]), [None]);
+}
+
+#[test]
+fn a_handler_reads_the_target_from_which_its_own_data_begin() {
+    let p = program(&module(
+        "MoveL p1,v50,fine,tool0;\nrS;\n  ENDPROC\n  PROC rS()\nVAR robtarget pX:=p1;\nWaitTime 1;\n  UNDO\nMoveL pX,v50,fine,tool0;",
+    ));
+    assert_eq!(p.targets[0].editable, Editable::No(Reason::DeclarationUsedElsewhere));
+}

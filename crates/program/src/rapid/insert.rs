@@ -74,10 +74,11 @@ pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Opti
         Err(why) => return Some(why),
     };
     let source = &program.sources[usize::from(target.source)];
-    let start = target.span.start as usize;
+    let (start, place) = (target.span.start as usize, (target.source, target.span.start));
     let is_first = line_start(&source.bytes, start) + indent(&source.bytes, start).len() == start;
     match () {
-        () if layout.after_compact_if.contains(&(target.source, target.span.start)) => Some(Reason::CompactIf),
+        () if layout.runs_elsewhere.contains(&place) => Some(Reason::RunsElsewhere),
+        () if layout.after_compact_if.contains(&place) => Some(Reason::CompactIf),
         () if !shape.is_only_motion => Some(Reason::ProcessMotion),
         () if call.arguments.has(&source.bytes, b"T") => Some(Reason::OwnTime),
         () if !is_first => Some(Reason::NotAtLineStart),

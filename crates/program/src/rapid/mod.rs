@@ -107,6 +107,8 @@ pub(crate) struct Layout {
     plain: bool,
     /// Files and starts of the statements that are the body of a compact IF.
     after_compact_if: BTreeSet<(u16, u32)>,
+    /// The same of the statements in routines that also run where the program does not follow them.
+    runs_elsewhere: HashSet<(u16, u32)>,
     /// The mark in force after the last statement.
     mark_at_end: Option<super::Mark>,
     /// In a chunk of a program that is run again for each chunk: the motions that its own repeat.
