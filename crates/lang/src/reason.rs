@@ -270,6 +270,7 @@ reasons! {
     LeavesComponents = "its position takes components from the motion before",
     ZoneUnknown = "not a known motion instruction: its zone is not known",
     OwnTime = "motion with a time of its own",
+    CallsFunction = "an argument calls a function, which an inserted point would call again",
     NotAtLineStart = "motion does not begin its line",
     Timed = "speed that is the time of the whole motion (sec)",
     OptionOnce = "motion option that a point between would repeat or shift",

@@ -298,3 +298,21 @@ fn a_handler_reads_the_target_from_which_its_own_data_begin() {
     ));
     assert_eq!(p.targets[0].editable, Editable::No(Reason::DeclarationUsedElsewhere));
 }
+
+fn insertion_before(motion: &str) -> Option<Reason> {
+    program(&module(&format!("MoveL p1,v100,fine,tool0;\n{motion};"))).insertions_refused(&[1])[0]
+}
+
+/// A function may count its calls.
+#[test]
+fn no_inserted_point_calls_a_function_again() {
+    assert_eq!(insertion_before("MoveL Offs(p2,0,0,5),v100,fine,tool0"), None);
+    for motion in [
+        "MoveL p2,fSpeed(),fine,tool0",
+        "MoveL p2,vF{nNext()},fine,tool0",
+        "MoveL p2,v100\\V:=nNext(),fine,tool0",
+        "MoveL p2,v100,zF{nNext()},tool0",
+    ] {
+        assert_eq!(insertion_before(motion), Some(Reason::CallsFunction), "{motion}");
+    }
+}

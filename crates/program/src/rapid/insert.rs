@@ -1,6 +1,6 @@
 //! Inserted points between two targets: each becomes a motion before the instruction, in the layout of the file.
 
-use super::expression::{Arguments, Call};
+use super::expression::{Arguments, Call, ExpressionKind};
 use super::lex::{Cursor, LexemeKind};
 use super::motion::{self, Shape, ToolAt, Zone};
 use super::syntax::Reader;
@@ -69,7 +69,7 @@ fn like(program: &Program, before: usize) -> Result<Like<'_>, Reason> {
 
 /// Why nothing can be inserted before a target.
 pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Option<Reason> {
-    let Like { target, call, shape, .. } = match like(program, before) {
+    let Like { target, call, shape, tool_at } = match like(program, before) {
         Ok(like) => like,
         Err(why) => return Some(why),
     };
@@ -81,9 +81,20 @@ pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Opti
         () if layout.after_compact_if.contains(&place) => Some(Reason::CompactIf),
         () if !shape.is_only_motion => Some(Reason::ProcessMotion),
         () if call.arguments.has(&source.bytes, b"T") => Some(Reason::OwnTime),
+        () if calls_a_function(&call.arguments, &shape, tool_at) => Some(Reason::CallsFunction),
         () if !is_first => Some(Reason::NotAtLineStart),
         () => None,
     }
+}
+
+/// Whether an argument that an inserted motion repeats calls a function, which may count its calls. Targets are not repeated.
+fn calls_a_function(arguments: &Arguments, shape: &Shape, tool_at: usize) -> bool {
+    let repeated = arguments.positional.get(shape.to + 1..=tool_at).unwrap_or_default();
+    let mut calls = false;
+    for argument in repeated.iter().chain(arguments.optional_values()) {
+        argument.each(&mut |part| calls |= matches!(part.kind, ExpressionKind::Call(_)));
+    }
+    calls
 }
 
 /// Copies an optional argument with its value, also in the form `\Name?parameter`, which passes on whether there is one.
