@@ -270,6 +270,7 @@ reasons! {
     LeavesComponents = "its position takes components from the motion before",
     ZoneUnknown = "not a known motion instruction: its zone is not known",
     OwnTime = "motion with a time of its own",
+    Synchronised = "motion synchronised with that of another task (\\ID), which would lack the inserted point",
     CallsFunction = "an argument calls a function, which an inserted point would call again",
     NotAtLineStart = "motion does not begin its line",
     Timed = "speed that is the time of the whole motion (sec)",

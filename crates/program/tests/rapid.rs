@@ -316,3 +316,13 @@ fn no_inserted_point_calls_a_function_again() {
         assert_eq!(insertion_before(motion), Some(Reason::CallsFunction), "{motion}");
     }
 }
+
+/// Between SyncMoveOn and SyncMoveOff, each motion has an identity that a motion of the other task has too.
+#[test]
+fn no_point_is_inserted_in_synchronised_motions() {
+    for motion in ["MoveL p2\\ID:=10,v100,z1,tool0", "MoveC p1,p2\\ID:=10,v100,z1,tool0"] {
+        let via = usize::from(motion.starts_with("MoveC"));
+        let p = program(&module(&format!("MoveL p1,v100,fine,tool0;\n{motion};")));
+        assert_eq!(p.insertions_refused(&[1 + via]), [Some(Reason::Synchronised)], "{motion}");
+    }
+}

@@ -81,6 +81,8 @@ pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Opti
         () if layout.after_compact_if.contains(&place) => Some(Reason::CompactIf),
         () if !shape.is_only_motion => Some(Reason::ProcessMotion),
         () if call.arguments.has(&source.bytes, b"T") => Some(Reason::OwnTime),
+        // ABB allows the argument in synchronised motions alone, of which the other task has one with each identity.
+        () if call.arguments.has(&source.bytes, b"ID") => Some(Reason::Synchronised),
         () if calls_a_function(&call.arguments, &shape, tool_at) => Some(Reason::CallsFunction),
         () if !is_first => Some(Reason::NotAtLineStart),
         () => None,
