@@ -850,3 +850,31 @@ fn quotients_of_reals_are_known_and_those_of_whole_numbers_are_not() {
     }
     assert_eq!([speeds("N/60000"), speeds("50/0.0"), speeds("(N/7)*1.0")], [None; 3]);
 }
+
+/// A GLOBAL routine that nothing in the files calls is there for other programs: a point in what it calls would be driven to there, too.
+#[test]
+fn nothing_is_inserted_in_routines_that_also_run_elsewhere() {
+    let position = "{X 200.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 180.0}";
+    let sub = "DEF SUB(Q:IN)\nE6POS Q\nLIN Q\nEND\n";
+    let text = |other: &str| {
+        format!("DEF a()\nLIN {{X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 180.0}}\nSUB({position})\nEND\n{sub}{other}")
+    };
+    let refused = |other: &str| program_of(&[("a.src", &text(other))], &[]).insertions_refused(&[1]);
+    assert_eq!(refused(""), [None]);
+    assert_eq!(refused(&format!("GLOBAL DEF SVC()\nSUB({position})\nEND\n")), [Some(Reason::RunsElsewhere)]);
+    let through = format!("GLOBAL DEF SVC()\nMID()\nEND\nDEF MID()\nSUB({position})\nEND\n");
+    assert_eq!(refused(&through), [Some(Reason::RunsElsewhere)]);
+}
+
+#[test]
+fn what_a_global_routine_without_a_caller_calls_is_kept() {
+    let cut = "DEF CUT()\nLIN {X 1.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nEND\n";
+    let kept = |other: &str| {
+        let text = format!("DEF a()\n$BASE={{X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}}\nCUT()\nEND\n{cut}{other}");
+        program_of(&[("a.src", &text)], &[]).targets[0].editable
+    };
+    let service = "DEF SVC()\n$BASE={X 9.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nCUT()\nEND\n";
+    assert_eq!(kept(&format!("GLOBAL {service}")), Editable::No(Reason::RunsAtAnyMoment));
+    // Without GLOBAL no other file can call it.
+    assert_eq!(kept(service), Editable::Pose);
+}

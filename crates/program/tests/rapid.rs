@@ -1,5 +1,7 @@
 //! Text in, targets and edits out.
 
+#![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
+
 use deflex_program::rapid::read;
 use deflex_program::{Change, Editable, Goal, Insert, Mark, Program, Reason, RewriteOptions, round_trip};
 use deflex_text::{Source, applied};
@@ -232,4 +234,159 @@ fn a_routine_without_a_caller_depends_on_the_states_that_another_one_sets() {
     ];
     assert_eq!(sets.map(warned), [1; 5]);
     assert_eq!(warned("SetDO d1,1;"), 0);
+}
+
+const TOOLS: &str = "PERS tooldata tA:=[TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n\
+     PERS tooldata tB:=[TRUE,[[0,0,200],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n";
+
+fn robtarget(x: f64) -> String {
+    format!("[[{x},0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]")
+}
+
+/// The text after each target was moved by its tool's number, so that motions with other tools need other numbers.
+fn cloned(texts: &[String]) -> Vec<String> {
+    let sources = texts.iter().enumerate().map(|(i, text)| Source::new(format!("{i}.mod"), text.clone()));
+    let p = read(sources.collect(), Vec::new()).unwrap();
+    let change = |target: &deflex_program::Target| match target.goal {
+        Goal::Pose { position_mm: [x, y, z], .. } => {
+            let by = 0.25 * f64::from(1 + u8::from(&*p.tools[usize::from(target.tool)].name == "tB"));
+            Some(Change { position_mm: [x, y, z + by], quat: None, conf: None, external: None })
+        }
+        _ => None,
+    };
+    let changes: Vec<_> = p.targets.iter().map(change).collect();
+    let options = RewriteOptions { allow_clones: true, ..RewriteOptions::default() };
+    let edits = p.rewrite(&changes, &[], &options).edits;
+    let write = |(source, edits): (&Source, &Vec<_>)| String::from_utf8(applied(&source.bytes, edits)).unwrap();
+    p.sources.iter().zip(&edits).map(write).collect()
+}
+
+/// A parameter has the name of the declaration, and the literal in one call of several; or it is seen where the declaration is not.
+#[test]
+fn no_clone_replaces_a_parameter() {
+    let one = robtarget(1.0);
+    let first = "MoveL p1,v50,fine,tA;\nrSub p1;\n";
+    for parameter in ["robtarget p1", "PERS robtarget p1", "INOUT robtarget p1"] {
+        let sub = format!("PROC rSub({parameter})\nMoveL p1,v50,fine,tB;\nENDPROC\n");
+        let global = format!(
+            "MODULE M\n{TOOLS}CONST robtarget p1:={one};\nPROC main()\n{first}rSub Offs(p1,0,0,60);\nENDPROC\n{sub}ENDMODULE\n"
+        );
+        let local =
+            format!("MODULE M\n{TOOLS}PROC main()\nCONST robtarget p1:={one};\n{first}ENDPROC\n{sub}ENDMODULE\n");
+        let elsewhere = [
+            format!("MODULE M\n{TOOLS}LOCAL CONST robtarget p1:={one};\nPROC main()\n{first}ENDPROC\nENDMODULE\n"),
+            format!("MODULE N\n{sub}ENDMODULE\n"),
+        ];
+        for texts in [&[global][..], &[local], &elsewhere] {
+            assert!(!cloned(texts).concat().contains("p1_"), "{parameter}");
+        }
+    }
+    let part = format!(
+        "MODULE M\n{TOOLS}RECORD op\nrobtarget a;\nENDRECORD\nCONST op o1:=[{one}];\nPROC main()\nMoveL o1.a,v50,fine,tA;\n\
+         rSub o1;\nENDPROC\nPROC rSub(op o1)\nMoveL o1.a,v50,fine,tB;\nENDPROC\nENDMODULE\n"
+    );
+    assert_eq!(cloned(std::slice::from_ref(&part)), [part]);
+}
+
+#[test]
+fn clones_stand_beside_their_declaration() {
+    let text = format!(
+        "MODULE M\n{TOOLS}PROC main()\nCONST robtarget p1:={};\nMoveL p1,v50,fine,tA;\nMoveL p1,v50,fine,tB;\nENDPROC\nENDMODULE\n",
+        robtarget(1.0)
+    );
+    let out = &cloned(&[text])[0];
+    let declared = "CONST robtarget p1:=[[1,0,0.2500]";
+    assert!(out.contains(declared) && out.contains("CONST robtarget p1_2:=[[1,0,0.5000]"), "{out}");
+    assert!(out.contains("MoveL p1,v50,fine,tA;\nMoveL p1_2,v50,fine,tB;"), "{out}");
+}
+
+/// Programs in which `rCut`, with this body, also runs where the program does not follow it.
+fn run_elsewhere(body: &str) -> Vec<(&'static str, String)> {
+    let (one, two) = (robtarget(0.0), robtarget(300.0));
+    let program = |main: &str, others: &str| {
+        format!(
+            "MODULE M\n{TOOLS}VAR intnum i1;\nCONST robtarget p1:={one};\nCONST robtarget p2:={two};\nCONST robtarget p3:={one};\n\
+             PROC main()\nMoveL p1,v50,fine,tA;\nrCut p2,tA;\n{main}ENDPROC\n\
+             PROC rCut(robtarget p,PERS tooldata t)\n{body}\nENDPROC\n{others}ENDMODULE\n"
+        )
+    };
+    let again = "rCut p3,tB;\n";
+    let called = |part: &str| format!("PROC rU()\nWaitTime 1;\n{part}\n{again}ENDPROC\n");
+    vec![
+        ("trap", program("CONNECT i1 WITH tT;\n", &format!("TRAP tT\n{again}ENDTRAP\n"))),
+        ("handler", program(&format!("WaitDI di1,1\\MaxTime:=3;\nERROR\n{again}TRYNEXT;\n"), "")),
+        ("function", program("b:=fM();\n", &format!("FUNC bool fM()\n{again}RETURN TRUE;\nENDFUNC\n"))),
+        ("undo", program("rU;\n", &called("UNDO"))),
+        ("backward", program("rU;\n", &called("BACKWARD"))),
+        ("synchronised", program("MoveLSync p1,v500,z10,tA,\"rS\";\n", &format!("PROC rS()\n{again}ENDPROC\n"))),
+        ("endless", program("rR 3;\n", &format!("PROC rR(num n)\nIF GInput(gi1)>n rR n-1;\n{again}ENDPROC\n"))),
+        ("operator", program("", &format!("PROC rS()\n{again}ENDPROC\n"))),
+        ("operator, same tool", program("", "PROC rS()\nrCut p3,tA;\nENDPROC\n")),
+    ]
+}
+
+/// The same text moves the robot to another place, or in another frame, in the run that is not followed.
+#[test]
+fn numbers_of_routines_that_also_run_elsewhere_stay() {
+    for body in [
+        "MoveL Offs(p,0,0,-4),v50,fine,t;",
+        "MoveL RelTool(p,0,0,4),v50,fine,t;",
+        "MoveC Offs(p,-20,20,0),Offs(p,0,40,0),v50,fine,t;",
+    ] {
+        for (why, text) in run_elsewhere(body) {
+            let p = program(&text);
+            let cut = p.targets.iter().filter(|target| target.name.is_none());
+            let editable: Vec<Editable> = cut.map(|target| target.editable).collect();
+            assert!(!editable.is_empty(), "{why}");
+            assert!(editable.iter().all(|e| matches!(e, Editable::No(_))), "{why} {body}: {editable:?}");
+        }
+    }
+}
+
+/// An inserted point would be driven to in the run that is not followed, too.
+#[test]
+fn nothing_is_inserted_in_routines_that_also_run_elsewhere() {
+    for (why, text) in run_elsewhere("MoveL p,v50,fine,t;") {
+        assert_eq!(program(&text).insertions_refused(&[1]), [Some(Reason::RunsElsewhere)], "{why}");
+    }
+    // Without the other run, a point may be inserted.
+    let (_, text) = run_elsewhere("MoveL p,v50,fine,t;").swap_remove(0);
+    let text = text.replace("TRAP tT\nrCut p3,tB;", "TRAP tT\nStopMove;");
+    assert_eq!(program(&text).insertions_refused(&[1]), [None]);
+}
+
+#[test]
+fn a_handler_reads_the_target_from_which_its_own_data_begin() {
+    let p = program(&module(
+        "MoveL p1,v50,fine,tool0;\nrS;\n  ENDPROC\n  PROC rS()\nVAR robtarget pX:=p1;\nWaitTime 1;\n  UNDO\nMoveL pX,v50,fine,tool0;",
+    ));
+    assert_eq!(p.targets[0].editable, Editable::No(Reason::DeclarationUsedElsewhere));
+}
+
+fn insertion_before(motion: &str) -> Option<Reason> {
+    program(&module(&format!("MoveL p1,v100,fine,tool0;\n{motion};"))).insertions_refused(&[1])[0]
+}
+
+/// A function may count its calls.
+#[test]
+fn no_inserted_point_calls_a_function_again() {
+    assert_eq!(insertion_before("MoveL Offs(p2,0,0,5),v100,fine,tool0"), None);
+    for motion in [
+        "MoveL p2,fSpeed(),fine,tool0",
+        "MoveL p2,vF{nNext()},fine,tool0",
+        "MoveL p2,v100\\V:=nNext(),fine,tool0",
+        "MoveL p2,v100,zF{nNext()},tool0",
+    ] {
+        assert_eq!(insertion_before(motion), Some(Reason::CallsFunction), "{motion}");
+    }
+}
+
+/// Between SyncMoveOn and SyncMoveOff, each motion has an identity that a motion of the other task has too.
+#[test]
+fn no_point_is_inserted_in_synchronised_motions() {
+    for motion in ["MoveL p2\\ID:=10,v100,z1,tool0", "MoveC p1,p2\\ID:=10,v100,z1,tool0"] {
+        let via = usize::from(motion.starts_with("MoveC"));
+        let p = program(&module(&format!("MoveL p1,v100,fine,tool0;\n{motion};")));
+        assert_eq!(p.insertions_refused(&[1 + via]), [Some(Reason::Synchronised)], "{motion}");
+    }
 }

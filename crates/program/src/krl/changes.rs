@@ -324,7 +324,6 @@ impl<'a> Runner<'a> {
     /// Finds handlers, functions (which are not followed) and routines that call themselves, with everything that they call. The data that
     /// they name must not be edited.
     pub(super) fn find_what_runs_at_any_moment(&mut self) {
-        let mut calls: HashMap<RoutineId, BTreeSet<RoutineId>> = HashMap::new();
         let mut handlers = Vec::new();
         for id in self.symbols.all() {
             if self.symbols.routine(id).is_function {
@@ -340,26 +339,25 @@ impl<'a> Runner<'a> {
                             handlers.push((called, id.file, call.at()));
                         }
                         StatementKind::Trigger(_) => drop(self.at_any_moment.insert(called)),
-                        _ => drop(calls.entry(id).or_default().insert(called)),
+                        _ => drop(self.calls.entry(id).or_default().insert(called)),
                     }
                 }
             }
         }
-        let within = |from: RoutineId| {
-            let (mut found, mut open) = (BTreeSet::new(), vec![from]);
-            while let Some(id) = open.pop() {
-                open.extend(calls.get(&id).into_iter().flatten().filter(|called| found.insert(**called)));
-            }
-            found
-        };
+        // Other programs may call a GLOBAL routine that nothing in the files calls.
+        let called: BTreeSet<RoutineId> = self.calls.values().flatten().copied().collect();
+        let is_for_others = |id: &RoutineId| self.symbols.routine(*id).is_global && id.at > 0 && !called.contains(id);
+        let reached: Vec<RoutineId> =
+            self.symbols.all().filter(is_for_others).flat_map(|id| self.called_from(id)).collect();
+        self.at_any_moment.extend(reached);
         for (handler, file, span) in handlers {
             let moves = |id: RoutineId| self.symbols.routine(id).statements().into_iter().any(Statement::is_motion);
-            if within(handler).into_iter().chain([handler]).any(moves) {
+            if self.called_from(handler).into_iter().chain([handler]).any(moves) {
                 self.tell_interrupt_that_moves(handler, file, span);
             }
         }
         for id in self.symbols.all() {
-            let called = within(id);
+            let called = self.called_from(id);
             if called.contains(&id) {
                 self.at_any_moment.insert(id);
             }
@@ -371,6 +369,29 @@ impl<'a> Runner<'a> {
             let named = self.pin_names(id);
             self.read_at_any_moment.extend(named);
         }
+    }
+
+    /// The routines that a routine calls, directly or through others.
+    fn called_from(&self, from: RoutineId) -> BTreeSet<RoutineId> {
+        let (mut found, mut open) = (BTreeSet::new(), vec![from]);
+        while let Some(id) = open.pop() {
+            open.extend(self.calls.get(&id).into_iter().flatten().filter(|called| found.insert(**called)));
+        }
+        found
+    }
+
+    /// Files and starts of the statements in routines that also run at a moment, or from a caller, that the run of the program does not
+    /// follow: handlers, functions, and those that other programs or an operator may start, with all that they call.
+    pub(super) fn statements_that_run_elsewhere(&self) -> HashSet<(u16, u32)> {
+        let is_elsewhere = |id: &RoutineId| self.at_any_moment.contains(id) || !self.entered.contains(id);
+        let from = self.symbols.all().filter(is_elsewhere);
+        let all: BTreeSet<RoutineId> = from.flat_map(|id| self.called_from(id).into_iter().chain([id])).collect();
+        #[allow(clippy::cast_possible_truncation)] // as a target has it
+        let starts = |id: RoutineId| {
+            let statements = self.symbols.routine(id).statements().into_iter();
+            statements.map(move |statement| (id.file as u16, statement.at.start))
+        };
+        all.into_iter().flat_map(starts).collect()
     }
 
     /// Whether the program assigns positions without some components. A motion to such a position takes these components from the motion

@@ -301,7 +301,7 @@ impl Chunk {
         let mut others: Vec<Like> = Vec::new();
         let bytes = &self.source.bytes;
         let mut number = self.source.lines_before + line_ends(&bytes[..at]);
-        let Layout { mut sites, motions } = std::mem::take(layout(&mut program)?);
+        let Layout { mut sites, motions, .. } = std::mem::take(layout(&mut program)?);
         program.targets.reserve(self.motions as usize);
         sites.reserve(self.motions as usize);
         while let Some(line) = next_line(&bytes[at..]) {
@@ -351,7 +351,7 @@ impl Chunk {
             at += line.len();
         }
         let motions = motions + self.motions as usize;
-        program.layout = crate::Layout::Krl(Layout { sites, motions });
+        program.layout = crate::Layout::Krl(Layout { sites, motions, ..Layout::default() });
         program.sources = [self.source].into();
         program.dialect = self.dialect;
         Some(StreamableChunk { program, own: self.own, elsewhere: Vec::new(), at: 0, last: self.last })

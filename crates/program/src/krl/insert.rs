@@ -126,6 +126,7 @@ pub(super) fn refused(program: &Program, layout: &Layout, before: &[usize]) -> V
             () if !matches!(target.motion, Motion::Linear | Motion::Circular) || target.role != Role::End => {
                 Some(Reason::OnlyLinesAndArcs)
             }
+            () if layout.runs_elsewhere.contains(&(target.source, target.span.start)) => Some(Reason::RunsElsewhere),
             () if target.editable != Editable::Pose => Some(Reason::LeavesComponents),
             () if !layout.sites[*i].tokens[3..].iter().all(Option::is_some) => Some(Reason::LeavesComponents),
             () if form(&program.sources[source].bytes[word.span().range()]).is_none() => Some(Reason::Motion),

@@ -197,7 +197,9 @@ impl Reader {
                 *axes = Arc::new(ExternalAxes { at_rest, ..(**axes).clone() });
             }
         }
-        let known = program.kept.is_empty() && program.unknown.is_empty();
+        let elsewhere = std::mem::take(&mut layout(&mut program)?.runs_elsewhere);
+        let is_elsewhere = |target: &Target| elsewhere.contains(&(target.source, target.span.start));
+        let known = program.kept.is_empty() && program.unknown.is_empty() && !program.targets.iter().any(is_elsewhere);
         Some(program).filter(|_| known)
     }
 
@@ -266,7 +268,7 @@ impl Reader {
         if !sites.iter().flat_map(|site| &site.tokens).flatten().all(begins) {
             return None;
         }
-        *layout = Layout { sites, motions: layout.motions.checked_sub(motions_of_head)? };
+        *layout = Layout { sites, motions: layout.motions.checked_sub(motions_of_head)?, ..Layout::default() };
         let is_known = self.knows_axes_of(&program);
         let mut targets = program.targets.split_off(of_head);
         let last = program.targets.pop().filter(|last| last.editable == Editable::Pose)?;

@@ -43,6 +43,7 @@ pub use chunks::{CHUNK, Chunk, Chunks};
 use super::{Language, Program, Reason};
 use deflex_text::{Diagnostic, Severity, Source, Span};
 use run::{PositionTokens, Runner};
+use std::collections::HashSet;
 use tree::File;
 
 /// Where the numbers of targets stand.
@@ -52,6 +53,8 @@ pub(crate) struct Layout {
     sites: Vec<PositionTokens>,
     /// Executed motions, those whose target is not known when reading among them.
     motions: usize,
+    /// Files and starts of the statements in routines that also run where the program does not follow them.
+    runs_elsewhere: HashSet<(u16, u32)>,
 }
 
 /// Reads files as one program with shared names; `context` files only declare.
@@ -121,6 +124,7 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
     }
     let mut runner = Runner::new(&sources, &files, written);
     runner.run();
+    let runs_elsewhere = runner.statements_that_run_elsewhere();
     let Runner { tools, wobjs, targets, sites, motions, arcs, unknown, mut kept, mut diagnostics, .. } = runner;
     if diagnostics.iter().any(|d| d.severity == Severity::Error) {
         diagnostics.sort_by_key(|d| d.severity != Severity::Error);
@@ -129,7 +133,7 @@ fn read_cut(mut sources: Vec<Source>, context: Vec<Source>, look: bool) -> Resul
     cuts.into_iter().for_each(|(file, at)| kept.refuse(file, at, Reason::FileEndsInBlock));
     let literal_targets = files.iter().take(written).map(File::positions).sum();
     let (kept, dialect) = (kept.in_order(), dialect(&sources[..written]));
-    let layout = super::Layout::Krl(Layout { sites, motions: motions as usize });
+    let layout = super::Layout::Krl(Layout { sites, motions: motions as usize, runs_elsewhere });
     let files = (sources.into(), written);
     Ok(Program {
         tools,

@@ -80,6 +80,8 @@ pub(super) struct Runner<'a> {
     pub(super) at_any_moment: HashSet<RoutineId>,
     /// Data that these routines name.
     pub(super) read_at_any_moment: HashSet<Id>,
+    /// The routines that each routine calls directly.
+    pub(super) calls: HashMap<RoutineId, BTreeSet<RoutineId>>,
     /// Whether an interrupt may end a routine half-way (RESUME).
     pub(super) resumes: bool,
     /// Whether the program assigns positions without some components.

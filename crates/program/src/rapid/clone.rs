@@ -1,8 +1,8 @@
 //! Clones: if users of a declared target need different corrections, one keeps the declaration, and the others get their own.
 
-use super::TargetInText;
 use super::lex::{Cursor, Key, LexemeKind, key};
 use super::writer::{Print, Writer};
+use super::{Given, TargetInText};
 use crate::line::{indent, line_end};
 use crate::{Change, Editable, Reason};
 use deflex_lang::ir::SourceSpan;
@@ -59,7 +59,10 @@ fn try_clones(
     let mut arguments: HashMap<SourceSpan, usize> = HashMap::new();
     for (g, (_, users)) in groups.iter().enumerate() {
         for &i in users {
-            let TargetInText::Literal { argument: Some(argument), .. } = writer.layout.sites[i] else { return false };
+            // A parameter or a copy has the literal in this run alone, and may be seen where the declaration is not.
+            let TargetInText::Literal { given: Given::Declared(argument), .. } = writer.layout.sites[i] else {
+                return false;
+            };
             let direct = argument.source == writer.program.targets[i].source
                 && argument.span.start >= writer.program.targets[i].span.start
                 && argument.span.end <= writer.program.targets[i].span.end;
@@ -73,20 +76,10 @@ fn try_clones(
     }
     // An element with a variable index names other elements too, and a statement may cut in one run and not in another.
     let others = writer.layout.sites.iter().zip(&writer.along).any(|(site, along)| {
-        matches!(site, TargetInText::Literal { literal: of, argument: Some(argument) }
+        matches!(site, TargetInText::Literal { literal: of, given: Given::Declared(argument) }
             if (*of != literal || *along) && arguments.contains_key(argument))
     });
     if others {
-        return false;
-    }
-    // A parameter's name does not name the declaration.
-    let name = kind.name;
-    let is_name = |argument: &SourceSpan| {
-        let mut cursor = Cursor::new(&writer.program.sources[argument.source as usize].bytes, argument.span);
-        let first = cursor.next();
-        cursor.text(first).eq_ignore_ascii_case(source.slice(name))
-    };
-    if !arguments.keys().all(is_name) {
         return false;
     }
     let mut sorted: Vec<(SourceSpan, usize)> = arguments.into_iter().collect();
@@ -97,7 +90,7 @@ fn try_clones(
             prints[literal as usize] = Some(print.clone());
             continue;
         }
-        let clone = free_name(writer, source.slice(name), literal, g);
+        let clone = free_name(writer, source.slice(kind.name), literal, g);
         let mut content = line_end.to_vec();
         content.extend_from_slice(indent);
         if kind.local {

@@ -1,6 +1,6 @@
 //! Inserted points between two targets: each becomes a motion before the instruction, in the layout of the file.
 
-use super::expression::{Arguments, Call};
+use super::expression::{Arguments, Call, ExpressionKind};
 use super::lex::{Cursor, LexemeKind};
 use super::motion::{self, Shape, ToolAt, Zone};
 use super::syntax::Reader;
@@ -8,7 +8,7 @@ use super::tree::StatementKind;
 use super::value::quarters;
 use super::value::unit;
 use super::writer::Writer;
-use super::{Layout, TargetInText};
+use super::{Given, Layout, TargetInText};
 use crate::line::{indent, line_end, line_start};
 use crate::token::single;
 use crate::{Conf, Goal, Insert, Inserted, Motion, Passing, Program, Reason, Target};
@@ -69,20 +69,34 @@ fn like(program: &Program, before: usize) -> Result<Like<'_>, Reason> {
 
 /// Why nothing can be inserted before a target.
 pub(super) fn refusal(program: &Program, layout: &Layout, before: usize) -> Option<Reason> {
-    let Like { target, call, shape, .. } = match like(program, before) {
+    let Like { target, call, shape, tool_at } = match like(program, before) {
         Ok(like) => like,
         Err(why) => return Some(why),
     };
     let source = &program.sources[usize::from(target.source)];
-    let start = target.span.start as usize;
+    let (start, place) = (target.span.start as usize, (target.source, target.span.start));
     let is_first = line_start(&source.bytes, start) + indent(&source.bytes, start).len() == start;
     match () {
-        () if layout.after_compact_if.contains(&(target.source, target.span.start)) => Some(Reason::CompactIf),
+        () if layout.runs_elsewhere.contains(&place) => Some(Reason::RunsElsewhere),
+        () if layout.after_compact_if.contains(&place) => Some(Reason::CompactIf),
         () if !shape.is_only_motion => Some(Reason::ProcessMotion),
         () if call.arguments.has(&source.bytes, b"T") => Some(Reason::OwnTime),
+        // ABB allows the argument in synchronised motions alone, of which the other task has one with each identity.
+        () if call.arguments.has(&source.bytes, b"ID") => Some(Reason::Synchronised),
+        () if calls_a_function(&call.arguments, &shape, tool_at) => Some(Reason::CallsFunction),
         () if !is_first => Some(Reason::NotAtLineStart),
         () => None,
     }
+}
+
+/// Whether an argument that an inserted motion repeats calls a function, which may count its calls. Targets are not repeated.
+fn calls_a_function(arguments: &Arguments, shape: &Shape, tool_at: usize) -> bool {
+    let repeated = arguments.positional.get(shape.to + 1..=tool_at).unwrap_or_default();
+    let mut calls = false;
+    for argument in repeated.iter().chain(arguments.optional_values()) {
+        argument.each(&mut |part| calls |= matches!(part.kind, ExpressionKind::Call(_)));
+    }
+    calls
 }
 
 /// Copies an optional argument with its value, also in the form `\Name?parameter`, which passes on whether there is one.
@@ -230,7 +244,7 @@ fn zones_in(text: &[u8]) -> impl Iterator<Item = DeclaredZone> {
 /// The target that an instruction has written out as its first argument.
 fn own_literal(target: &Target, layout: &Layout, i: usize) -> Option<Span> {
     let literal = match layout.sites.get(i)? {
-        TargetInText::Literal { literal, argument: None } => layout.literals.get(*literal as usize)?.span(),
+        TargetInText::Literal { literal, given: Given::Inline } => layout.literals.get(*literal as usize)?.span(),
         _ => return None,
     };
     target.span.range().contains(&(literal.start as usize)).then_some(literal)

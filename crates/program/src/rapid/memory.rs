@@ -143,8 +143,7 @@ impl Runner<'_> {
     pub(super) fn pin_declared(&mut self, at: usize) {
         let variable = &self.symbols.variables[at];
         if let Some(value) = variable.declared.and_then(|data| data.value.as_ref()) {
-            let inside = self.numbers.literals_in(variable.source, value);
-            self.numbers.pinned.extend(inside);
+            self.numbers.pin_text(variable.source, value);
         }
     }
 

@@ -108,6 +108,8 @@ pub(crate) struct Layout {
     plain: bool,
     /// Files and starts of the statements that are the body of a compact IF.
     after_compact_if: BTreeSet<(u16, u32)>,
+    /// The same of the statements in routines that also run where the program does not follow them.
+    runs_elsewhere: HashSet<(u16, u32)>,
     /// The mark in force after the last statement.
     mark_at_end: Option<super::Mark>,
     /// In a chunk of a program that is run again for each chunk: the motions that its own repeat.
@@ -185,10 +187,21 @@ impl FrontEnd for Layout {
 enum TargetInText {
     /// None: joint angles, or a calculated value.
     None,
-    /// A literal, and the argument that names it (`None` if inline).
-    Literal { literal: u32, argument: Option<SourceSpan> },
+    /// A literal.
+    Literal { literal: u32, given: Given },
     /// `Offs` or `RelTool`: an index into [`Layout::offsets`].
     Offset(u32),
+}
+
+/// How an instruction gives a literal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Given {
+    /// It is written out.
+    Inline,
+    /// This argument names the declaration of the literal, or the part of it that the literal is.
+    Declared(SourceSpan),
+    /// By another name: a parameter, or data that take their value from the declaration.
+    Otherwise,
 }
 
 /// A target made from a literal by `Offs` and `RelTool`, innermost first; the outermost carries the edit.

@@ -8,8 +8,10 @@ use super::known::Changes;
 use super::motion::{Shape, ToolAt, Zone};
 use super::runner::Runner;
 use super::state::{ArcMode, OnOff, Standing, Stands, Switches};
+use super::symbols::{Upper, Variable};
+use super::tree::Param;
 use super::value::{Pose, Value, unit};
-use super::{Offset, TargetInText};
+use super::{Given, Offset, TargetInText};
 use crate::{Editable, Goal, Motion, Predecessor, Reason, Role, Target, ToolData};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Span, decode};
@@ -206,8 +208,8 @@ impl<'a> Runner<'a> {
         let site = match pose.root {
             None => TargetInText::None,
             Some(root) if pose.steps.is_empty() => {
-                let argument = SourceSpan { source: scope.source, span: argument.span };
-                TargetInText::Literal { literal: root, argument: named.then_some(argument) }
+                let given = if named { self.given(scope, argument, root) } else { Given::Inline };
+                TargetInText::Literal { literal: root, given }
             }
             Some(root) => {
                 self.found.offsets.push(Offset { root, steps: pose.steps.clone().into() });
@@ -218,6 +220,27 @@ impl<'a> Runner<'a> {
         self.axes_go_to(&written.external, false);
         target.external = self.external_axes(&written.external, target.role, false);
         self.push(target, site);
+    }
+
+    /// How an argument that is a name, or a part of what it names, gives a literal.
+    fn given(&self, scope: Scope, argument: &Expression, literal: u32) -> Given {
+        let Some(name) = argument.variable() else { return Given::Otherwise };
+        let bytes = self.bytes(scope.source as usize);
+        let (key, place) = (Upper::new(&bytes[name.range()]), self.numbers.literals[literal as usize]);
+        let is_key = |param: &Param| *Upper::new(&bytes[param.name.range()]) == *key;
+        // A parameter by reference stands for the very variable of one caller.
+        let is_parameter =
+            self.frames.last().is_some_and(|frame| self.symbols.routine(frame.routine).params.iter().any(is_key));
+        let is_around = |variable: &Variable<'_>| {
+            variable.source == place.source
+                && variable.declared.is_some_and(|data| data.statement.range().contains(&(place.span().start as usize)))
+        };
+        match self.find(scope, &key).filter(|_| !is_parameter) {
+            Some(at) if is_around(&self.symbols.variables[at]) => {
+                Given::Declared(SourceSpan { source: scope.source, span: argument.span })
+            }
+            _ => Given::Otherwise,
+        }
     }
 
     /// The robot arrives at a target.

@@ -3,7 +3,7 @@
 use super::runner::Runner;
 use super::state::Standing;
 use super::tree::{File, RoutineKind, StatementKind};
-use super::{Layout, TargetInText};
+use super::{Given, Layout, TargetInText};
 use crate::{Editable, Goal, Kept, Motion, Reason, Role, Target, Tool, UnknownMotion, Wobj};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::Diagnostic;
@@ -26,7 +26,8 @@ impl Runner<'_> {
     /// Ends the run.
     pub(super) fn finish(mut self, files: &[File]) -> Outcome {
         self.refuse_what_is_counted_from();
-        self.hold_what_runs_aside();
+        let elsewhere = self.runs_elsewhere();
+        self.hold_what_runs_elsewhere(&elsewhere);
         self.hold_what_is_used_otherwise();
         self.hold_what_is_not_always_assembled();
         let plain = self.plain(files);
@@ -43,6 +44,7 @@ impl Runner<'_> {
             }
         }
         self.keep_what_is_refused();
+        let runs_elsewhere = self.starts_in(elsewhere.unknown.iter().chain(&elsewhere.aside));
         let layout = Layout {
             literals: Arc::new(self.numbers.literals),
             sites: self.found.sites,
@@ -54,6 +56,7 @@ impl Runner<'_> {
                 .zip(files)
                 .flat_map(|(source, file)| file.after_compact_if.iter().map(move |start| (source, *start)))
                 .collect(),
+            runs_elsewhere,
             mark_at_end: self.state.modal.mark,
             again: None,
             zones: OnceLock::new(),
@@ -105,15 +108,11 @@ impl Runner<'_> {
 
     /// Refuses an offset that runs again in a state in which it cannot be edited.
     fn refuse_shared_offsets(&mut self) {
-        let offset = |site: &TargetInText| match *site {
-            TargetInText::Offset(at) => self.found.offsets[at as usize].steps.last()?.tokens.map(|tokens| tokens[0]),
-            _ => None,
+        let offsets: Vec<Option<SourceSpan>> = self.found.sites.iter().map(|site| self.found.offset(site)).collect();
+        let of_kept = |(target, offset): (&Target, &Option<SourceSpan>)| {
+            offset.filter(|_| matches!(target.editable, Editable::No(_)))
         };
-        let of_kept = |(target, site): (&Target, &TargetInText)| {
-            offset(site).filter(|_| matches!(target.editable, Editable::No(_)))
-        };
-        let mut held: HashSet<SourceSpan> =
-            self.found.targets.iter().zip(&self.found.sites).filter_map(of_kept).collect();
+        let mut held: HashSet<SourceSpan> = self.found.targets.iter().zip(&offsets).filter_map(of_kept).collect();
         held.extend(&self.numbers.held);
         // A target that was changed before this motion no longer records the offset of this statement.
         let of_changed = |(target, site): (&Target, &TargetInText)| {
@@ -122,12 +121,12 @@ impl Runner<'_> {
         };
         let changed: HashSet<(u16, u32)> =
             self.found.targets.iter().zip(&self.found.sites).filter_map(of_changed).collect();
-        for (target, site) in self.found.targets.iter_mut().zip(&self.found.sites) {
+        for (target, offset) in self.found.targets.iter_mut().zip(offsets) {
             let of_statement = |place: &SourceSpan| {
                 let within = target.span.start <= place.span.start && place.span.end <= target.span.end;
                 within && place.source == target.source && changed.contains(&(target.source, target.span.start))
             };
-            let shared = offset(site).is_some_and(|place| held.contains(&place) || of_statement(&place));
+            let shared = offset.is_some_and(|place| held.contains(&place) || of_statement(&place));
             if shared && target.editable == Editable::Position {
                 target.editable = Editable::No(Reason::OffsetUsedElsewhere);
             }
@@ -191,8 +190,9 @@ impl Runner<'_> {
 
     /// Whether each motion of a plain program goes to an inline target.
     fn inline(&self) -> bool {
-        let inline =
-            |site: &TargetInText| matches!(site, TargetInText::Literal { argument: None, .. } | TargetInText::None);
+        let inline = |site: &TargetInText| {
+            matches!(site, TargetInText::Literal { given: Given::Inline, .. } | TargetInText::None)
+        };
         self.found.sites.iter().all(inline) && self.found.targets.iter().all(|target| target.name.is_none())
     }
 }

@@ -32,11 +32,16 @@ impl Numbers {
         }
     }
 
-    /// The robtargets in an expression.
-    pub(super) fn literals_in(&self, source: u16, of: &Expression) -> Vec<u32> {
-        let mut all = Vec::new();
-        of.each(&mut |part| all.extend(self.literal_of(source, part)));
-        all
+    /// Forbids edits of an expression if it is a robtarget or a number.
+    pub(super) fn pin_part(&mut self, source: u16, part: &Expression) {
+        self.pin(self.literal_of(source, part));
+        let is_number = matches!(part.kind, ExpressionKind::Number(_));
+        self.held.extend(is_number.then_some(SourceSpan { source, span: part.span }));
+    }
+
+    /// Forbids edits of all robtargets and numbers in an expression.
+    pub(super) fn pin_text(&mut self, source: u16, of: &Expression) {
+        of.each(&mut |part| self.pin_part(source, part));
     }
 
     /// Adds a robtarget assembled from parts as a literal of its own.
@@ -82,5 +87,11 @@ impl Found {
             TargetInText::Literal { literal, .. } => Some(*literal),
             TargetInText::Offset(at) => Some(self.offsets[*at as usize].root),
         }
+    }
+
+    /// The offset by which a target is edited, by its first number.
+    pub(super) fn offset(&self, site: &TargetInText) -> Option<SourceSpan> {
+        let TargetInText::Offset(at) = *site else { return None };
+        self.offsets[at as usize].steps.last()?.place()
     }
 }

@@ -29,6 +29,13 @@ pub(super) struct Use {
     pub(super) root: u32,
     /// The first number of its offset.
     pub(super) offset: Option<SourceSpan>,
+    pub(super) position_mm: [f64; 3],
+    pub(super) way: Way,
+}
+
+/// The frames of a motion, and whether it may cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Way {
     pub(super) tool: u16,
     pub(super) wobj: u16,
     pub(super) cuts: bool,

@@ -53,7 +53,8 @@ impl Routine {
     }
 }
 
-/// The stretches in the order in which they run; `None` if a call is unknown or recursive, or a motion runs twice or never.
+/// The stretches in the order in which they run; `None` if a call is unknown or recursive, a motion runs twice or never, or a routine that
+/// nothing calls has calls, because what these run also runs elsewhere.
 pub(super) fn running(routines: &[Routine]) -> Option<Vec<Stretch>> {
     let by_name: HashMap<&[u8], usize> = routines.iter().enumerate().map(|(i, r)| (&r.name[..], i)).collect();
     if by_name.len() < routines.len() {
@@ -72,7 +73,12 @@ pub(super) fn running(routines: &[Routine]) -> Option<Vec<Stretch>> {
     for entry in entries {
         order.visit(entry, 0)?;
     }
-    let once = |(routine, visits): (&Routine, &usize)| !routine.moves || *visits == 1;
+    let calls = |routine: &Routine| routine.steps.iter().any(|step| matches!(step, RoutineStep::Call(_)));
+    let once = |(routine, visits): (&Routine, &usize)| match visits {
+        0 => !routine.moves && !calls(routine),
+        1 => true,
+        _ => !routine.moves,
+    };
     routines.iter().zip(&order.visits).all(once).then_some(order.stretches)
 }
 
@@ -233,6 +239,7 @@ mod tests {
     fn motions_that_run_twice_or_never_are_not_in_one_order() {
         assert_eq!(starts(&[("main", &["a", "A"]), ("a", &[])]), None);
         assert_eq!(starts(&[("main", &[]), ("a", &[])]), None);
+        assert_eq!(starts(&[("main", &["a"]), ("a", &[]), ("C", &["a"])]), None);
         assert_eq!(starts(&[("main", &["other"])]), None);
         assert_eq!(starts(&[("main", &[]), ("MAIN", &[])]), None);
         assert_eq!(starts(&[("A", &["B"]), ("B", &["A"]), ("main", &["A"])]), None);

@@ -186,6 +186,8 @@ pub(super) struct Reached {
     /// Routines that were run only for the data that they would use.
     pub(super) entered_aside: HashSet<RoutineId>,
     pub(super) looking_aside: bool,
+    /// Whether these runs came to no end, so that any routine may run in any way.
+    pub(super) is_aside_cut: bool,
     /// Uses by routines that nothing runs.
     pub(super) aside: Vec<Use>,
     /// Calls of procedures chosen at run time: the start of their names in upper case, empty if any name is possible.

@@ -10,7 +10,7 @@ use super::literal::Literal;
 use super::named::Declarations;
 use super::sample::{FoundTarget, Named, Sample};
 use super::shape::pose;
-use super::{Layout, TargetInText};
+use super::{Given, Layout, TargetInText};
 use crate::{ExternalAxes, Language, Mark, Predecessor, Program, Target, Tool, Wobj, intern};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Source, Span};
@@ -223,14 +223,14 @@ impl Read {
                 target.external.clone_from(axes);
                 self.literals.push(*found.literal);
                 self.literals.last_mut()?.move_to(found.start);
-                TargetInText::Literal { literal: u32::try_from(self.literals.len() - 1).ok()?, argument: None }
+                TargetInText::Literal { literal: u32::try_from(self.literals.len() - 1).ok()?, given: Given::Inline }
             }
             To::Named(declared, name) => {
                 target.goal = declarations.goal(declared);
                 target.external.clone_from(declarations.external(declared));
                 target.name = declarations.name(declared, &chunk.source.bytes[name.clone()]);
-                let argument = Some(SourceSpan { source: 0, span: Span::new(name.start, name.end) });
-                TargetInText::Literal { literal: u32::try_from(declared).ok()?, argument }
+                let given = Given::Declared(SourceSpan { source: 0, span: Span::new(name.start, name.end) });
+                TargetInText::Literal { literal: u32::try_from(declared).ok()?, given }
             }
         };
         self.sites.push(site);

@@ -1,29 +1,39 @@
 //! Other uses of a target's numbers: in routines that nothing runs, traps, handlers and functions. A number is edited only if all
 //! its uses are known and ask for the same value.
 
-use super::expression::Expression;
 use super::known::RoutineId;
 use super::motion;
-use super::ran::Use;
+use super::ran::{Use, Way};
 use super::runner::{Mode, Runner};
 use super::state::{ModalState, Switches};
 use super::symbols::Upper;
-use super::tree::{Data, Routine, RoutineKind, Statement, Storage, statements};
-use super::value::{Pose, axes_in_use};
-use crate::{Editable, Motion, Reason, Target};
+use super::tree::{Data, RoutineKind, Statement, Storage, statements};
+use super::value::{OffsetStep, Pose, axes_in_use};
+use crate::{Editable, Goal, Motion, Reason, Target};
+use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Severity, Span};
-use std::collections::{BTreeSet, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
-/// Whether a kind of motion may cut.
-fn may_cut(motion: Motion) -> bool {
-    matches!(motion, Motion::Linear | Motion::Circular)
+/// The routines that also run at a moment, or from a caller, that the run of the program does not follow.
+pub(super) struct RunsElsewhere {
+    /// Traps, functions, handlers' and synchronised procedures and endless ones, with all that they call. They run in a state that is not known.
+    pub(super) unknown: BTreeSet<RoutineId>,
+    /// The others: those that an operator may start, and those that run again after an error, with all that they call. What they use was noted.
+    pub(super) aside: BTreeSet<RoutineId>,
+}
+
+impl Way {
+    fn of(target: &Target) -> Self {
+        let cuts = matches!(target.motion, Motion::Linear | Motion::Circular);
+        Self { tool: target.tool, wobj: target.wobj, cuts }
+    }
 }
 
 impl<'a> Runner<'a> {
     /// Notes the numbers that a motion without a target in the result uses.
     pub(super) fn use_aside(&mut self, target: &Target, pose: &Pose) {
         let Some(root) = pose.root.filter(|_| self.mode == Mode::Aside) else { return };
-        let offset = pose.steps.last().and_then(|step| step.tokens).map(|tokens| tokens[0]);
+        let offset = pose.steps.last().and_then(OffsetStep::place);
         // When this motion runs, other units or axis offsets may be active.
         let on_axes = axes_in_use(&pose.written.external);
         // A target made from a base would move with it, although it stays.
@@ -34,8 +44,8 @@ impl<'a> Runner<'a> {
             self.numbers.held.extend(offset);
             return;
         }
-        let cuts = may_cut(target.motion);
-        self.reached.aside.push(Use { root, offset, tool: target.tool, wobj: target.wobj, cuts });
+        let way = Way::of(target);
+        self.reached.aside.push(Use { root, offset, position_mm: pose.written.position_mm, way });
     }
 
     /// Runs the routines that nothing in the files calls, because an operator may run them by hand, and notes the data that they use.
@@ -58,11 +68,7 @@ impl<'a> Runner<'a> {
             self.forget_what_routines_change();
             self.aside(|this| this.start(id));
         }
-        if self.budget.is_spent() {
-            // The run was not completed: nothing that it may use is edited.
-            let all = u32::try_from(self.numbers.literals.len()).unwrap_or(u32::MAX);
-            self.numbers.pinned.extend(0..all);
-        }
+        self.reached.is_aside_cut = self.budget.is_spent();
         self.reached.looking_aside = false;
     }
 
@@ -83,47 +89,71 @@ impl<'a> Runner<'a> {
         self.state.modal.lose(anywhere);
     }
 
-    /// Forbids edits of numbers used by traps, handlers and functions: they may run at any moment, or their motions are not
-    /// followed. The same applies to recursive procedures, whose runs are not all followed.
-    pub(super) fn hold_what_runs_aside(&mut self) {
-        let endless = self.reached_without_end();
-        let mut done = BTreeSet::new();
+    /// The routines that also run at a moment, or from a caller, that the run of the program does not follow.
+    pub(super) fn runs_elsewhere(&self) -> RunsElsewhere {
+        let mut unknown = self.symbols.known.aside.clone();
+        unknown.extend(self.reached_without_end());
+        if self.reached.is_aside_cut {
+            unknown.extend(self.symbols.all());
+        }
+        let aside = self.reached.entered_aside.iter().filter(|id| !unknown.contains(*id)).copied().collect();
+        RunsElsewhere { unknown, aside }
+    }
+
+    /// Forbids edits of all numbers that are used in handlers, and in routines whose other runs are unknown.
+    pub(super) fn hold_what_runs_elsewhere(&mut self, elsewhere: &RunsElsewhere) {
         for id in self.symbols.all().collect::<Vec<_>>() {
-            let (bytes, routine, module) = (self.bytes(id.file), self.symbols.routine(id), self.symbols.module_of(id));
-            let is_aside = self.symbols.known.aside.contains(&id) || endless.contains(&id);
-            let body = if is_aside { &routine.body[..] } else { &[] };
-            let mut parts: Vec<&Expression> = Vec::new();
-            for statement in statements(body).into_iter().chain(statements(&routine.handlers)) {
-                statement.each(&mut |part| parts.push(part));
-            }
-            for part in parts {
-                #[allow(clippy::cast_possible_truncation)] // as many files as a target's source can number
-                let source = id.file as u16;
-                self.numbers.pinned.extend(self.numbers.literal_of(source, part));
-                if !part.is_name() {
-                    continue;
-                }
-                let key = Upper::new(&bytes[part.span.range()]);
-                if !done.insert((id, Box::<[u8]>::from(&*key))) {
-                    continue;
-                }
-                match own_data(routine, bytes, &key) {
-                    Some(Some(data)) => {
-                        let inside = data.value.iter().flat_map(|value| self.numbers.literals_in(source, value));
-                        self.numbers.pinned.extend(inside.collect::<Vec<_>>());
-                    }
-                    Some(None) => {
-                        let given = self.numbers.given.get(&(id, Box::<[u8]>::from(&*key)));
-                        self.numbers.pinned.extend(given.into_iter().flatten());
-                    }
-                    None => {
-                        if let Some(at) = self.symbols.find_data(module, &key) {
-                            self.pin_read(at);
-                        }
-                    }
-                }
+            let routine = self.symbols.routine(id);
+            let body = if elsewhere.unknown.contains(&id) { &routine.body[..] } else { &[] };
+            let all: Vec<&Statement> = statements(body).into_iter().chain(statements(&routine.handlers)).collect();
+            if !all.is_empty() {
+                self.hold_in(id, &all);
             }
         }
+    }
+
+    /// Forbids edits of the numbers that statements of a routine use.
+    fn hold_in(&mut self, id: RoutineId, all: &[&Statement]) {
+        let (bytes, routine, module) = (self.bytes(id.file), self.symbols.routine(id), self.symbols.module_of(id));
+        #[allow(clippy::cast_possible_truncation)] // as many files as a target's source can number
+        let source = id.file as u16;
+        let key = |name: Span| Box::<[u8]>::from(&*Upper::new(&bytes[name.range()]));
+        let data: HashMap<Box<[u8]>, &Data> = routine.data.iter().rev().map(|data| (key(data.name), data)).collect();
+        let parameters: HashSet<Box<[u8]>> = routine.params.iter().map(|param| key(param.name)).collect();
+        let mut names = Vec::new();
+        for statement in all {
+            statement.each(&mut |part| {
+                self.numbers.pin_part(source, part);
+                names.extend(part.is_name().then_some(part.span));
+            });
+        }
+        let mut done = HashSet::new();
+        while let Some(name) = names.pop().map(key) {
+            if !done.insert(name.clone()) {
+                continue;
+            }
+            if let Some(data) = data.get(&name) {
+                if let Some(value) = &data.value {
+                    self.numbers.pin_text(source, value);
+                    names.extend(value.names());
+                }
+            } else if parameters.contains(&name) {
+                let given = self.numbers.given.get(&(id, name));
+                self.numbers.pinned.extend(given.into_iter().flatten());
+            } else if let Some(at) = self.symbols.find_data(module, &name) {
+                self.pin_read(at);
+            }
+        }
+    }
+
+    /// Files and starts of the statements in the bodies of routines.
+    pub(super) fn starts_in<'i>(&self, routines: impl IntoIterator<Item = &'i RoutineId>) -> HashSet<(u16, u32)> {
+        #[allow(clippy::cast_possible_truncation)] // as above
+        let starts = |id: &RoutineId| {
+            let file = id.file as u16;
+            statements(&self.symbols.routine(*id).body).into_iter().map(move |statement| (file, statement.at.start))
+        };
+        routines.into_iter().flat_map(starts).collect()
     }
 
     /// Procedures with endless recursion, and the procedures that they call.
@@ -139,39 +169,37 @@ impl<'a> Runner<'a> {
 
     /// Refuses the targets of routines with endless recursion.
     pub(super) fn refuse_what_calls_itself(&mut self) {
-        let mut places = HashSet::new();
-        for id in self.reached_without_end() {
-            let body = &self.symbols.routine(id).body;
-            places.extend(statements(body).into_iter().map(|statement| (id.file, statement.at.start)));
-        }
+        let places = self.starts_in(&self.reached_without_end());
         for target in &mut self.found.targets {
-            let inside = places.contains(&(usize::from(target.source), target.span.start));
+            let inside = places.contains(&(target.source, target.span.start));
             if inside && !matches!(target.editable, Editable::No(_)) {
                 target.editable = Editable::No(Reason::RoutineCallsItself);
             }
         }
     }
 
-    /// Forbids edits of numbers that a routine that nothing runs uses in other frames than the program.
+    /// Forbids edits of numbers that a routine that nothing runs uses in other frames than the program, or at another position.
     pub(super) fn hold_what_is_used_otherwise(&mut self) {
         if self.reached.aside.is_empty() {
             return;
         }
-        let mut uses: std::collections::HashMap<u32, Vec<(u16, u16, bool)>> = std::collections::HashMap::new();
+        let mut ways: HashMap<u32, Vec<Way>> = HashMap::new();
+        let mut positions: HashMap<SourceSpan, Vec<[u64; 3]>> = HashMap::new();
         for (target, site) in self.found.targets.iter().zip(&self.found.sites) {
-            if let Some(root) = self.found.root(site) {
-                let one = (target.tool, target.wobj, may_cut(target.motion));
-                let known = uses.entry(root).or_default();
-                if known.last() != Some(&one) && !known.contains(&one) {
-                    known.push(one);
-                }
+            let Some(root) = self.found.root(site) else { continue };
+            add(ways.entry(root).or_default(), Way::of(target));
+            if let (Some(place), Goal::Pose { position_mm, .. }) = (self.found.offset(site), &target.goal) {
+                add(positions.entry(place).or_default(), position_mm.map(f64::to_bits));
             }
         }
         for other in std::mem::take(&mut self.reached.aside) {
-            let same = |used: &(u16, u16, bool)| *used == (other.tool, other.wobj, other.cuts);
-            if uses.get(&other.root).is_some_and(|used| !used.iter().all(same)) {
+            let at = other.position_mm.map(f64::to_bits);
+            let moves = |place: &SourceSpan| positions.get(place).is_some_and(|all| all.iter().any(|one| *one != at));
+            if ways.get(&other.root).is_some_and(|all| all.iter().any(|way| *way != other.way)) {
                 self.numbers.pinned.insert(other.root);
                 self.numbers.held.extend(other.offset);
+            } else {
+                self.numbers.held.extend(other.offset.filter(moves));
             }
         }
     }
@@ -256,9 +284,9 @@ fn motions(count: usize) -> String {
     if count == 1 { "1 motion".to_owned() } else { format!("{count} motions") }
 }
 
-/// The declaration of a name of a routine; inner `None` for a parameter, outer `None` for other names.
-fn own_data<'r>(routine: &'r Routine, bytes: &[u8], key: &[u8]) -> Option<Option<&'r Data>> {
-    let is = |span: Span| *Upper::new(&bytes[span.range()]) == *key;
-    let data = routine.data.iter().find(|data| is(data.name)).map(Some);
-    data.or_else(|| routine.params.iter().any(|param| is(param.name)).then_some(None))
+/// Adds a use if it is new.
+fn add<T: PartialEq>(known: &mut Vec<T>, one: T) {
+    if known.last() != Some(&one) && !known.contains(&one) {
+        known.push(one);
+    }
 }
