@@ -16,8 +16,9 @@ pub(super) const KIND: Kind = Kind {
     ..Kind::PLAIN
 };
 
-/// Typical error of a ratio. Ratios of wrists are given with two or three decimals, so rounding errors are up to 5e-3 or 5e-4.
-const ROUNDED: f64 = 2e-3;
+/// Typical error of a ratio: half of the last digit of a ratio with three decimals. In the model of the whole arm a larger size lets the
+/// couplings take errors that are the same at all rows of one posture, and carry them to postures where they are others.
+const ROUNDED: f64 = 5e-4;
 
 /// Actual = commanded + ratio · commanded motor angle of `on`; the controller holds the motor there whatever the load.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -150,7 +150,7 @@ impl Engine {
         }
         if self.is_whole_arm() && transfer_sigma_mm > 0.0 {
             advice.push(format!(
-                "for the same program at a neighbouring place the standard uncertainty is {transfer_sigma_mm:.3} mm per axis: rows in \
+                "for the same program next to its place, also turned, the standard uncertainty is {transfer_sigma_mm:.3} mm per axis: rows in \
                  other places, postures and loads make it smaller; more rows of this program do not"
             ));
         }

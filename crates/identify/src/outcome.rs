@@ -46,8 +46,8 @@ pub struct Identification {
     pub run_drift_rms_mm: Option<f64>,
     /// Errors of the extended cell on rows that were left out by place, posture and load instead of by time.
     pub after_other_places: Errors,
-    /// Standard deviation for each axis of the error of the prediction if the same programs run next to their place,
-    /// mm: the uncertainty for another program. Zero if the arm reaches no such place, or if nothing is added.
+    /// Standard deviation for each axis of the error of the prediction if the same programs run next to their place, turned
+    /// or not, mm: the uncertainty for another program. Zero if the arm reaches no such place, or if nothing is added.
     pub transfer_sigma_mm: f64,
     /// Effects added.
     pub added: Vec<Added>,

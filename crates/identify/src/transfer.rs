@@ -2,8 +2,10 @@
 //!
 //! Rows that are left out by place, posture and load are still rows of the same program, and errors that these rows
 //! cannot distinguish cancel in all of them. The measured program is therefore moved next to its place: by its own
-//! length along x and by its own width along y of its work object, forwards and backwards. The posterior covariance of
-//! the effects, widened as the left-out rows require, gives the uncertainty of the prediction there.
+//! length along x and by its own width along y of its work object, forwards and backwards, as it is and turned by
+//! 45° to each side about z. The turns change the posture of the wrist, without which a wrong tool, a wrong frame and
+//! wrong zeros are the same error. The posterior covariance of the effects, widened as the left-out rows require, gives
+//! the uncertainty of the prediction there.
 
 use super::candidate::Home;
 use super::data::{Extent, Observation, Problem};
@@ -14,6 +16,7 @@ use deflex_effects::moved_within;
 use deflex_equilibrium::Arm;
 use deflex_robot::Pose;
 use nalgebra::{DVector, Rotation3, Translation3, Vector3};
+use std::f64::consts::FRAC_PI_4;
 use std::sync::Arc;
 
 /// Largest number of rows of each run that are moved. The root mean square over as many places is known within a tenth.
@@ -86,12 +89,21 @@ impl Engine {
     }
 }
 
-/// The motions of a work object, along its own axes, that place a program on each side of its place.
+/// The motions of a work object, in its own axes, that place a program on each side of its place, as it is and turned about its middle.
 fn sides(prepared: &Prepared, points: &[usize]) -> Vec<Pose> {
+    const TURNS: [f64; 3] = [-FRAC_PI_4, 0.0, FRAC_PI_4];
     let places = || points.iter().map(|&point| prepared.points[point].reference.translation.vector);
     let low = places().fold(Vector3::repeat(f64::INFINITY), |low, place| low.inf(&place));
     let high = places().fold(Vector3::repeat(f64::NEG_INFINITY), |high, place| high.sup(&place));
-    let size = high - low;
-    let sides = [[size.x, 0.0], [-size.x, 0.0], [0.0, size.y], [0.0, -size.y]];
-    sides.map(|[x, y]| Pose::from_parts(Translation3::new(x, y, 0.0), Rotation3::identity())).to_vec()
+    let (size, middle) = (high - low, (high + low) / 2.0);
+    let moved = |by: Vector3<f64>| Pose::from_parts(Translation3::from(by), Rotation3::identity());
+    let sides = [Vector3::x() * size.x, Vector3::y() * size.y].into_iter().flat_map(|side| [side, -side]);
+    let turned = |side: Vector3<f64>| {
+        TURNS.map(|turn| {
+            let about =
+                Pose::from_parts(Translation3::identity(), Rotation3::from_axis_angle(&Vector3::z_axis(), turn));
+            moved(middle + side) * about * moved(-middle)
+        })
+    };
+    sides.flat_map(turned).collect()
 }

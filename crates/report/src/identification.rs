@@ -272,10 +272,11 @@ pub(super) fn elsewhere(found: &Identification) -> String {
     format!("at places, postures and loads left out of the fit: {:.4} mm rms", found.after_other_places.rms_mm)
 }
 
-/// How well the extended cell predicts the same program at a neighbouring place, if that was estimated.
+/// How well the extended cell predicts the same program next to its place, if that was estimated.
 pub(super) fn nearby(found: &Identification) -> Option<String> {
     let sigma_mm = found.transfer_sigma_mm;
-    let text = || format!("for this program at a neighbouring place: standard uncertainty {sigma_mm:.4} mm per axis");
+    let text =
+        || format!("for this program next to its place, also turned: standard uncertainty {sigma_mm:.4} mm per axis");
     (sigma_mm > 0.0).then(text)
 }
 
