@@ -86,11 +86,15 @@ impl<'a> Runner<'a> {
     /// Forbids edits of numbers used by traps, handlers and functions: they may run at any moment, or their motions are not
     /// followed. The same applies to recursive procedures, whose runs are not all followed.
     pub(super) fn hold_what_runs_aside(&mut self) {
+        let followed: HashSet<RoutineId> =
+            self.reached.entered.iter().chain(&self.reached.entered_aside).copied().collect();
         let endless = self.reached_without_end();
         let mut done = BTreeSet::new();
         for id in self.symbols.all().collect::<Vec<_>>() {
             let (bytes, routine, module) = (self.bytes(id.file), self.symbols.routine(id), self.symbols.module_of(id));
-            let is_aside = self.symbols.known.aside.contains(&id) || endless.contains(&id);
+            // What a context file has, and does not belong to the program, is not followed.
+            let is_other = id.file >= self.written && !followed.contains(&id);
+            let is_aside = is_other || self.symbols.known.aside.contains(&id) || endless.contains(&id);
             let body = if is_aside { &routine.body[..] } else { &[] };
             let mut parts: Vec<&Expression> = Vec::new();
             for statement in statements(body).into_iter().chain(statements(&routine.handlers)) {
