@@ -34,10 +34,12 @@ impl<'a> Originals<'a> {
     /// The same, not yet parsed.
     pub(super) fn job(&self, job: &Job) -> Result<Option<Job>, Vec<Diagnostic>> {
         let Some(path) = self.against else { return Ok(None) };
+        // What is read with the corrected program is read with its original.
+        let beside = |original: Job| original.beside_as(job);
         if path.is_dir() {
             let files: Vec<PathBuf> = job.files.iter().map(|file| path.join(file)).collect();
-            return Ok(jobs(&files, self.format)?.into_iter().next());
+            return Ok(jobs(&files, self.format)?.into_iter().next().map(beside));
         }
-        Job::of(path, self.format).map(Some)
+        Job::of(path, self.format).map(beside).map(Some)
     }
 }

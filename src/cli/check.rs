@@ -23,7 +23,7 @@ use indicatif::ProgressBar;
 
 pub(super) fn run(args: &Check) -> Outcome {
     let (form, kind) = formats(args)?;
-    let context = Context::of(&args.context)?;
+    let context = Context::read(&args.context)?;
     let piped = Piped::new(&args.inputs)?;
     let jobs = jobs(piped.as_ref(), &args.inputs, kind, args.reports.keep_going);
     let (mut setup, (jobs, failed)) = both(setup(&args.model, context, args.correct, &args.reports), jobs)?;

@@ -20,7 +20,7 @@ use indicatif::ProgressBar;
 use std::path::PathBuf;
 
 pub(super) fn run(args: &Compensate) -> Outcome {
-    let setup = setup(&args.model, Context::of(&args.reading.context)?, args.correct, &args.reports);
+    let setup = setup(&args.model, Context::read(&args.reading.context)?, args.correct, &args.reports);
     let piped = Piped::new(&args.inputs)?;
     let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going);
     let (mut setup, (jobs, failed)) = both(setup, jobs)?;

@@ -11,7 +11,7 @@ use std::io::{IsTerminal, stdout};
 use std::path::Path;
 
 pub(super) fn run(args: &Diff) -> Outcome {
-    let context = Context::of(&args.reading.context)?;
+    let context = Context::read(&args.reading.context)?;
     let read = |path: &Path| ProgramFiles::of(Job::of(path, args.reading.format)?, context.clone());
     let (original, corrected) = both(read(&args.original), read(&args.corrected))?;
     let compared = diff(&original, &corrected)?;

@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 pub(super) fn run(args: &Identify) -> Outcome {
     let printed = to_stdout([&args.output, &args.report, &args.json, &args.html].map(Option::as_ref));
     one_thing(printed)?;
-    let (cell, context) = both(CellFile::read(&args.cell), Context::of(&args.reading.context))?;
+    let (cell, context) = both(CellFile::read(&args.cell), Context::read(&args.reading.context))?;
     let names = args.columns.as_deref().map(ColumnNames::parse).transpose()?;
     let table = |path: &Path| Ok(MeasuredFile::read(path)?.read_as(names.clone(), args.match_mm));
     let program = |path: &Path| Job::of(path, args.reading.format);

@@ -15,7 +15,7 @@ use deflex::text::Diagnostic;
 pub(super) fn run(args: &Arguments) -> Outcome {
     let printed = to_stdout([Some(&args.output), args.measured.as_ref(), args.json.as_ref(), args.html.as_ref()]);
     one_thing(printed)?;
-    let (cell, context) = both(CellFile::read(&args.cell), Context::of(&args.reading.context))?;
+    let (cell, context) = both(CellFile::read(&args.cell), Context::read(&args.reading.context))?;
     let pool = all(args.pool.iter().map(|path| {
         let job = Job::of(path, args.reading.format);
         job.and_then(|job| ProgramFiles::of(job, context.clone()))

@@ -23,7 +23,7 @@ use std::io::{IsTerminal, stdout};
 use std::path::PathBuf;
 
 pub(super) fn run(args: &Predict) -> Outcome {
-    let setup = setup(&args.model, Context::of(&args.reading.context)?, args.correct, &args.reports);
+    let setup = setup(&args.model, Context::read(&args.reading.context)?, args.correct, &args.reports);
     let piped = Piped::new(&args.inputs)?;
     let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going);
     let (setup, (jobs, failed)) = both(setup, jobs)?;

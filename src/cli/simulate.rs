@@ -20,7 +20,7 @@ use std::sync::Arc;
 
 pub(super) fn run(args: &Simulate) -> Outcome {
     let reports = args.reports();
-    let setup = setup(&args.model, Context::of(&args.reading.context)?, Corrected::Pose, &reports);
+    let setup = setup(&args.model, Context::read(&args.reading.context)?, Corrected::Pose, &reports);
     let piped = Piped::new(&args.inputs)?;
     // `simulate` leaves no input out: a file that cannot be understood stops the run.
     let (setup, (jobs, _)) = both(setup, jobs(piped.as_ref(), &args.inputs, args.reading.format, false))?;

@@ -99,7 +99,7 @@ impl ProgramFiles {
     pub fn read(paths: &[PathBuf], context: &[PathBuf], format: Option<&str>) -> Result<Self, Vec<Diagnostic>> {
         let format = format.map(known).transpose()?;
         let jobs = all(paths.iter().map(|path| Job::of(path, format)))?;
-        let (job, context) = crate::session::read::both(Job::one(jobs), Context::of(context))?;
+        let (job, context) = crate::session::read::both(Job::one(jobs), Context::read(context))?;
         Self::of(job, context)
     }
 
@@ -127,7 +127,7 @@ impl ProgramFiles {
 
     /// The program as one text that can be read in chunks; `None` if it has several files.
     pub(super) fn long(&self, run: &Run) -> Option<Long<'_>> {
-        self.job.long(self.context.knowing(&run.setup.cell.cell, self.job.language), run.setup.cl_options())
+        self.job.long(self.context.of(&self.job, Some(&run.setup.cell.cell)).ok()?, run.setup.cl_options())
     }
 
     /// Names of the files in an output folder.

@@ -24,7 +24,7 @@ pub(crate) fn program(
     cell: &CellFile,
     tool: Option<&str>,
 ) -> Result<Program, Vec<Diagnostic>> {
-    let context = reading.knowing(&cell.cell, job.language).into_owned();
+    let context = reading.of(&job, Some(&cell.cell))?.into_owned();
     if job.language.is_edited() {
         let mut program = parse(job, context, &ReadOptions { cl: &ClOptions::default(), look: false })?;
         take_speeds_in(&mut program, cell.cell.controller.speed_unit);
@@ -42,18 +42,14 @@ pub(crate) fn program(
 
 /// Parses a program without a cell: `inspect` and `diff` write no program.
 pub(crate) fn program_alone(job: Job, reading: &Context) -> Result<Program, Vec<Diagnostic>> {
-    parse(job, reading.sources.clone(), &ReadOptions { cl: &without_cell(), look: true })
+    let context = reading.of(&job, None)?.into_owned();
+    parse(job, context, &ReadOptions { cl: &without_cell(), look: true })
 }
 
-fn parse(job: Job, mut context: Vec<Source>, options: &ReadOptions<'_>) -> Result<Program, Vec<Diagnostic>> {
+fn parse(job: Job, context: Vec<Source>, options: &ReadOptions<'_>) -> Result<Program, Vec<Diagnostic>> {
     let (name, sources) = (job.name, all(job.texts.into_iter().map(Text::read))?);
     let caller = job.caller.or_else(|| caller_among(&context, job.language, sources.first()?));
     let called = caller.map(|caller| called_alone(&sources[0].name, &caller));
-    for called in all(job.called.into_iter().map(Text::read))? {
-        if context.iter().all(|known| known.name != called.name) {
-            context.push(called);
-        }
-    }
     let refused = || vec![Diagnostic::error("program.refused", &name, "the program cannot be read")];
     let read = read(job.language, sources, context, options);
     let mut program = read.map_err(|errors| if errors.is_empty() { refused() } else { errors })?;
@@ -104,7 +100,7 @@ impl From<Vec<Source>> for Context {
 }
 
 impl Context {
-    pub(crate) fn of(paths: &[PathBuf]) -> Result<Self, Vec<Diagnostic>> {
+    pub(crate) fn read(paths: &[PathBuf]) -> Result<Self, Vec<Diagnostic>> {
         Ok(Self { sources: sources(paths)? })
     }
 
@@ -113,10 +109,15 @@ impl Context {
         &self.sources
     }
 
-    /// The modules, and declarations of the routines that the cell lists as free of motions.
-    pub(crate) fn knowing(&self, cell: &Cell, language: Language) -> Cow<'_, [Source]> {
-        let more = cell.controller.declarations(language);
-        if more.is_empty() { Cow::Borrowed(&self.sources) } else { Cow::Owned([self.sources.clone(), more].concat()) }
+    /// The modules, other inputs that are read with a program, and declarations of the routines that the cell lists as free of motions.
+    pub(crate) fn of(&self, job: &Job, cell: Option<&Cell>) -> Result<Cow<'_, [Source]>, Vec<Diagnostic>> {
+        let is_new = |text: &&Text| self.sources.iter().all(|known| known.name != text.name());
+        let beside = all(job.beside.iter().filter(is_new).map(|text| text.clone().read()))?;
+        let harmless = cell.map_or_else(Vec::new, |cell| cell.controller.declarations(job.language));
+        Ok(match [beside, harmless].concat() {
+            more if more.is_empty() => Cow::Borrowed(&self.sources),
+            more => Cow::Owned([self.sources.clone(), more].concat()),
+        })
     }
 }
 

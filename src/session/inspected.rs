@@ -102,7 +102,7 @@ pub fn inspect(
     format: Option<Language>,
     progress: &(dyn Fn(&Path, usize) + Sync),
 ) -> Result<Inspected, Vec<Diagnostic>> {
-    let context = Context::of(context)?;
+    let context = Context::read(context)?;
     let done = AtomicUsize::new(0);
     let one = |path: &PathBuf| {
         progress(path, done.load(Ordering::Relaxed));

@@ -3,7 +3,7 @@
 use super::read::{all, parted, source};
 use super::text::Text;
 use deflex::program::cl::ClOptions;
-use deflex::program::{Language, LongProgram, ModuleNames, detect, group_modules, unknown_marks};
+use deflex::program::{Language, LongProgram, ModuleGroup, ModuleNames, detect, group_modules, unknown_marks};
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source, Span, cannot_read};
 use rayon::prelude::*;
@@ -29,8 +29,9 @@ pub(crate) struct Job {
     pub(crate) companions: Vec<(PathBuf, Vec<u8>)>,
     /// Language of all files.
     pub(crate) language: Language,
-    /// Other inputs that this program calls, and that these call: programs of their own, which are read with it.
-    pub(crate) called: Vec<Text>,
+    /// Texts of other inputs that are read with this program and belong to programs of their own: those that it calls, those that call it,
+    /// and what others read and change of its data.
+    pub(crate) beside: Vec<Text>,
     /// The name of another input that calls this program.
     pub(crate) caller: Option<String>,
     /// Whether a `.pgf` list names the modules: they are one program even if they do not use each other.
@@ -54,7 +55,7 @@ impl Job {
         companions: Vec<(PathBuf, Vec<u8>)>,
         language: Language,
     ) -> Self {
-        Self { name, texts, files, companions, language, called: Vec::new(), caller: None, listed: false }
+        Self { name, texts, files, companions, language, beside: Vec::new(), caller: None, listed: false }
     }
 
     /// The one program that these files form; an error if they are several programs.
@@ -68,7 +69,15 @@ impl Job {
                 .into());
         }
         let none = || Diagnostic::error("program.none", "", "expected the files of a program, and there are none");
-        Ok(jobs.into_iter().reduce(Self::with).ok_or_else(none)?)
+        let mut one = jobs.into_iter().reduce(Self::with).ok_or_else(none)?;
+        one.beside.clear();
+        Ok(one)
+    }
+
+    /// The same job, read with what another one is read with.
+    pub(crate) fn beside_as(mut self, other: &Self) -> Self {
+        self.beside.clone_from(&other.beside);
+        self
     }
 
     /// Reads the texts into memory.
@@ -131,7 +140,7 @@ impl Job {
             files: vec![file_name(path)],
             companions: Vec::new(),
             language,
-            called: Vec::new(),
+            beside: Vec::new(),
             caller: None,
             listed: false,
         };
@@ -184,7 +193,7 @@ impl Job {
             files,
             companions: vec![(PathBuf::from(path.file_name().unwrap_or(path.as_os_str())), list.bytes)],
             language: Language::Rapid,
-            called: Vec::new(),
+            beside: Vec::new(),
             caller: None,
             listed: true,
         })
@@ -242,9 +251,12 @@ fn grouped(mut jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     let names = all(modules.par_iter().map(|(_, job)| job.names()).collect::<Vec<_>>())?;
     let mut out = others;
     connect(&mut out)?;
-    for group in group_modules(&names) {
-        let members = group.into_iter().map(|i| modules[i].clone());
-        out.extend(members.reduce(|(place, job), (_, more)| (place, job.with(more))));
+    for ModuleGroup { members, context, others } in group_modules(&names) {
+        let members = members.into_iter().map(|i| modules[i].clone());
+        let context = context.into_iter().flat_map(|i| modules[i].1.texts.clone());
+        let beside: Vec<Text> = context.chain(others.map(Text::Held)).collect();
+        let joined = members.reduce(|(place, job), (_, more)| (place, job.with(more)));
+        out.extend(joined.map(|(place, job)| (place, Job { beside, ..job })));
     }
     out.sort_by_key(|(place, _)| *place);
     Ok(out.into_iter().map(|(_, job)| job).collect())
@@ -267,7 +279,7 @@ fn connect(jobs: &mut [(usize, Job)]) -> Result<(), Vec<Diagnostic>> {
         })
         .collect();
     for (i, called) in called.into_iter().enumerate() {
-        jobs[i].called = called.into_iter().map(|k| jobs[k].texts[0].clone()).collect();
+        jobs[i].beside = called.into_iter().map(|k| jobs[k].texts[0].clone()).collect();
         jobs[i].caller = (0..names.len()).find(|k| calls(*k, i)).map(|k| jobs[k].name.clone());
     }
     Ok(())
@@ -287,4 +299,41 @@ fn unknown_language(head: &Source) -> Vec<Diagnostic> {
         .at(head, Span::new(0, 0))
         .help(format!("check that it is a program; `--input-format {words}` states its language"))
         .into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::input::{Context, program_alone};
+
+    fn job(name: &str, text: &str) -> Job {
+        Job::of_text(Text::Held(Source::new(name, text)), Path::new(name), None).unwrap()
+    }
+
+    #[test]
+    fn a_program_is_read_with_the_other_inputs_that_matter_to_it() {
+        let part = |name: &str| {
+            format!(
+                "MODULE {name}\nPROC main()\nrCut wP;\nMoveL [[0,0,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,tM;\nENDPROC\nENDMODULE\n"
+            )
+        };
+        let data = "MODULE Data\nPERS tooldata tM:=[TRUE,[[0,0,310],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];\nPERS wobjdata wP:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPROC rCut(PERS wobjdata w)\nENDPROC\nENDMODULE\n";
+        let inputs = || vec![job("one.mod", &part("One")), job("two.mod", &part("Two")), job("data.mod", data)];
+        let jobs = grouped(inputs()).unwrap();
+        let names: Vec<&str> = jobs.iter().map(|job| &job.name[..]).collect();
+        assert_eq!(names, ["one.mod + data.mod", "two.mod"]);
+        let beside = |job: &Job| job.beside.iter().map(|text| text.name().to_owned()).collect::<Vec<_>>();
+        assert_eq!([beside(&jobs[0]), beside(&jobs[1])], [["two.mod"], ["data.mod"]]);
+        for job in jobs {
+            let context = Context::default();
+            assert_eq!(context.of(&job, None).unwrap().len(), 1);
+            // A file that the command gives with --context too is read once.
+            let given = Context::from(vec![Source::new("data.mod", data), Source::new("two.mod", part("Two"))]);
+            assert_eq!(given.of(&job, None).unwrap().len(), 2);
+            let program = program_alone(job, &context).unwrap();
+            assert!(program.tools[0].data.is_some() && program.diagnostics.is_empty(), "{:?}", program.diagnostics);
+        }
+        // Files of one program are read as one, whatever they declare.
+        assert!(Job::one(inputs()).unwrap().beside.is_empty());
+    }
 }

@@ -32,7 +32,7 @@ impl Setup {
         if holds_whole(&self.cell.cell) {
             return None;
         }
-        job.long(self.context.knowing(&self.cell.cell, job.language), self.cl_options())
+        job.long(self.context.of(job, Some(&self.cell.cell)).ok()?, self.cl_options())
     }
 
     /// The result of a run in chunks; `None` if the program can be understood only as a whole.

@@ -41,6 +41,7 @@ reasons! {
     Foreign = "may be changed by a routine that is not in the files",
     Thread = "may be changed by a thread at any moment",
     Unset = "has no value in the files",
+    DeclaredOtherwise = "several given files declare it, and not with the same value",
     Rounding = "depends on the controller's rounding",
     Computed = "target computed at run time",
     Recursion = "routine that calls itself, or calls that are nested too deeply",

@@ -1,61 +1,275 @@
-//! Groups modules (RAPID), and `.src` files with their `.dat` (KRL), into programs: files that use each other's names belong together.
+//! Groups modules (RAPID), and `.src` files with their `.dat` (KRL), into programs: files that use each other's names belong together. Other
+//! given files count too, if they read or change what a program has, or call it.
+
+mod scan;
 
 use super::Language;
-use super::language::CallWords;
+use deflex_text::Source;
+use scan::Declared;
+pub use scan::ModuleNames;
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{self, BufRead};
 
-/// Names that a module declares for others and names that it takes from others, upper case.
+/// Modules that form a program, as indices.
 #[derive(Debug)]
 #[doc(hidden)]
-pub struct ModuleNames {
-    language: Language,
-    module: String,
-    declared: BTreeSet<String>,
-    local: BTreeSet<String>,
-    used: BTreeSet<String>,
-    /// Beginnings of names that it takes from others: of procedures that it calls by a name that it puts together at run time, and of such data.
-    begun: BTreeSet<String>,
+pub struct ModuleGroup {
+    /// The modules of the program.
+    pub members: Vec<usize>,
+    /// Other modules that are its context: those that declare what it uses, and those that call its routines.
+    pub context: Vec<usize>,
+    /// A context with what all other modules read and change of its data.
+    pub others: Option<Source>,
 }
 
-/// Groups modules into programs, as indices, in the order of their first module.
+/// Groups modules into programs, in the order of their first module.
 ///
 /// Two modules belong together if one uses a name, or the beginning of a name, that it does not declare and exactly one other module declares.
-/// Modules with the same name, or with a `main` each, are different programs.
+/// Modules with the same name, or with a `main` each, are different programs: one is then context of the other.
 #[must_use]
 #[doc(hidden)]
-pub fn group_modules(names: &[ModuleNames]) -> Vec<Vec<usize>> {
-    let mut owners: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-    for (i, module) in names.iter().enumerate() {
-        for name in &module.declared {
-            owners.entry(name).or_default().push(i);
-        }
+pub fn group_modules(names: &[ModuleNames]) -> Vec<ModuleGroup> {
+    let mut modules = Modules::new(names);
+    modules.join();
+    let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (i, g) in modules.group.iter().enumerate() {
+        groups.entry(*g).or_default().push(i);
     }
-    let mut group: Vec<usize> = (0..names.len()).collect();
-    for (i, module) in names.iter().enumerate() {
-        let foreign = |name: &&str| !module.declared.contains(*name) && !module.local.contains(*name);
-        let used = module
-            .used
-            .iter()
-            .map(String::as_str)
-            .chain(module.begun.iter().flat_map(|beginning| names_with(&owners, beginning)));
-        for name in used.filter(foreign) {
-            if let Some([owner]) = owners.get(name).map(Vec::as_slice) {
-                let (a, b) = (group[i], group[*owner]);
-                let members: Vec<usize> = (0..names.len()).filter(|&m| group[m] == a || group[m] == b).collect();
-                if a != b && fit(names, &members) {
-                    for m in members {
-                        group[m] = a.min(b);
+    let links = Links::new(&modules);
+    groups.into_values().map(|members| modules.with_context(&links, members)).collect()
+}
+
+struct Modules<'a> {
+    names: &'a [ModuleNames],
+    owners: BTreeMap<&'a str, Vec<usize>>,
+    /// The group of each module: the index of its first module.
+    group: Vec<usize>,
+}
+
+/// What modules take from modules of other groups.
+struct Links<'a> {
+    /// For each module, the names that others take from it, and who does.
+    taken_by: Vec<Vec<(usize, &'a str)>>,
+    /// For each module, the names that it takes from other groups, with the modules that declare them.
+    takes: Vec<Vec<(&'a str, Vec<usize>)>>,
+    /// The modules that may change data, by its name.
+    changers: BTreeMap<&'a str, Vec<Change<'a>>>,
+}
+
+/// A change of data by a module.
+struct Change<'a> {
+    by: usize,
+    /// The data, or the element of it that is changed.
+    place: &'a str,
+    /// The modules that declare the data; none if no given file does.
+    owners: Vec<usize>,
+}
+
+/// Tables of the controller that KRL programs use without naming them: `BAS (#BASE,1)`.
+const TABLES: [&str; 3] = ["BASE_DATA", "TOOL_DATA", "LOAD_DATA"];
+
+impl<'a> Modules<'a> {
+    fn new(names: &'a [ModuleNames]) -> Self {
+        let mut owners: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        for (i, module) in names.iter().enumerate() {
+            for name in module.declared.keys() {
+                owners.entry(name).or_default().push(i);
+            }
+        }
+        Self { names, owners, group: (0..names.len()).collect() }
+    }
+
+    /// Joins the modules that belong together.
+    fn join(&mut self) {
+        for i in 0..self.names.len() {
+            for name in self.foreign(i) {
+                if let [owner] = self.owners_for(i, name)[..] {
+                    let (a, b) = (self.group[i], self.group[owner]);
+                    let members: Vec<usize> =
+                        (0..self.names.len()).filter(|&m| self.group[m] == a || self.group[m] == b).collect();
+                    if a != b && fit(self.names, &members) {
+                        for m in members {
+                            self.group[m] = a.min(b);
+                        }
                     }
                 }
             }
         }
     }
-    let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for (i, g) in group.into_iter().enumerate() {
-        groups.entry(g).or_default().push(i);
+
+    /// Names that a module uses and does not declare.
+    fn foreign(&self, module: usize) -> Vec<&'a str> {
+        let own = &self.names[module];
+        let begun = own.begun.iter().flat_map(|beginning| names_with(&self.owners, beginning));
+        let all = own.used.iter().map(String::as_str).chain(begun);
+        all.filter(|name| !own.declared.contains_key(*name) && !own.local.contains(*name)).collect()
     }
-    groups.into_values().collect()
+
+    /// The modules of its language that may declare a name that a module uses.
+    fn owners_for(&self, module: usize, name: &str) -> Vec<usize> {
+        let own = &self.names[module];
+        if own.declared.contains_key(name) || own.local.contains(name) {
+            return vec![module];
+        }
+        let all = self.owners.get(name).map_or(&[][..], Vec::as_slice);
+        all.iter().copied().filter(|owner| self.names[*owner].language == own.language).collect()
+    }
+
+    /// The same after the modules are joined: those of the same program come first.
+    fn owners_of(&self, module: usize, name: &str) -> Vec<usize> {
+        let all = self.owners_for(module, name);
+        let here: Vec<usize> = all.iter().copied().filter(|owner| self.group[*owner] == self.group[module]).collect();
+        if here.is_empty() { all } else { here }
+    }
+
+    /// Data outside of its routines that a module may change.
+    fn changes(&self, module: usize) -> BTreeSet<&'a str> {
+        let names = &self.names[module];
+        let mut changes: BTreeSet<&str> = names.changed.iter().map(String::as_str).collect();
+        for (routine, given) in &names.given {
+            let owners = self.owners_of(module, routine);
+            let keeps = !owners.is_empty() && owners.iter().all(|owner| self.names[*owner].keeping.contains(routine));
+            if !keeps {
+                changes.extend(given.iter().map(String::as_str));
+            }
+        }
+        changes
+    }
+
+    /// Whether a module is part of a program with a `main`.
+    fn has_main(&self, module: usize) -> bool {
+        let is_main = |(m, names): (usize, &ModuleNames)| {
+            self.group[m] == self.group[module] && names.declared.contains_key("MAIN")
+        };
+        self.names.iter().enumerate().any(is_main)
+    }
+
+    /// A program with its context.
+    fn with_context(&self, links: &Links<'_>, members: Vec<usize>) -> ModuleGroup {
+        let mut all: BTreeSet<usize> = members.iter().copied().collect();
+        // The callers of its routines, with their callers.
+        let mut open = members.clone();
+        while let Some(called) = open.pop() {
+            let calls = |name: &str| self.names[called].declared.get(name) == Some(&Declared::Routine);
+            let callers = links.taken_by[called].iter().filter(|(_, name)| calls(name));
+            open.extend(callers.map(|(caller, _)| *caller).filter(|caller| all.insert(*caller)));
+        }
+        // What all of them use.
+        let mut open: Vec<usize> = all.iter().copied().collect();
+        let mut several = BTreeSet::new();
+        while let Some(user) = open.pop() {
+            for (name, owners) in &links.takes[user] {
+                let declared = |owner: &usize| self.names[*owner].declared.get(*name);
+                let first = owners[0];
+                let is_persistent = matches!(declared(&first), Some(Declared::Persistent { .. }));
+                if owners.len() == 1 || is_persistent && owners.iter().all(|owner| declared(owner) == declared(&first))
+                {
+                    open.extend(all.insert(first).then_some(first));
+                } else {
+                    several.insert(*name);
+                }
+            }
+        }
+        let others = self.others(links, (&members, &all), &several);
+        let context = all.into_iter().filter(|module| !members.contains(module)).collect();
+        ModuleGroup { members, context, others }
+    }
+
+    /// What other modules than `all` read and change of the data of a program, and its names of which several modules declare data.
+    fn others(
+        &self,
+        links: &Links<'_>,
+        (members, all): (&[usize], &BTreeSet<usize>),
+        several: &BTreeSet<&str>,
+    ) -> Option<Source> {
+        let language = self.names[members[0]].language;
+        let (mut changed, mut shared) = (BTreeSet::new(), BTreeMap::new());
+        for user in all {
+            let names = &self.names[*user];
+            let tables = TABLES.iter().filter(|_| language == Language::Krl).copied();
+            let own = names.declared.keys().map(String::as_str);
+            for name in self.foreign(*user).into_iter().chain(own).chain(tables) {
+                let owners = self.owners_of(*user, name);
+                for change in links.changers.get(name).into_iter().flatten().filter(|change| !all.contains(&change.by))
+                {
+                    if self.names[change.by].language != language {
+                    } else if change.owners == owners || owners.iter().any(|owner| change.owners.contains(owner)) {
+                        changed.insert(change.place);
+                    } else if let Some(Declared::Persistent { kind, .. }) = names.declared.get(name)
+                        && self.has_main(members[0])
+                        && change.owners.iter().any(|owner| self.shares(*owner, name))
+                    {
+                        shared.insert(name, kind);
+                    }
+                }
+            }
+        }
+        let read: BTreeSet<&str> = members
+            .iter()
+            .flat_map(|member| &links.taken_by[*member])
+            .filter(|(user, _)| !all.contains(user))
+            .map(|(_, name)| *name)
+            .collect();
+        let declared =
+            several.iter().filter_map(|name| match self.names[*self.owners.get(name)?.first()?].declared.get(*name) {
+                Some(Declared::Persistent { kind, .. }) => Some((*name, kind)),
+                _ => None,
+            });
+        let declared: BTreeMap<&str, &String> = declared.collect();
+        if [changed.len(), shared.len(), read.len(), declared.len()] == [0; 4] {
+            return None;
+        }
+        let persistent = |(name, kind): (&&str, &&String)| format!("PERS {kind} {name};");
+        let sets = |name: &str| format!("{name}:=deflex_value;");
+        let mut lines: Vec<String> = Vec::new();
+        if language == Language::Krl {
+            lines.push("DEF deflex_others ( )".to_owned());
+            lines.extend(changed.iter().map(|place| format!("{place}=deflex_value")));
+            lines.push("END\n".to_owned());
+        } else {
+            lines.push("MODULE deflex_others".to_owned());
+            lines.extend(declared.iter().map(persistent));
+            lines.push("PROC deflex_others()".to_owned());
+            lines.extend(read.iter().map(|name| format!("TPWrite {name};")));
+            lines.extend(changed.iter().map(|name| sets(name)));
+            lines.push("ENDPROC\nENDMODULE\nMODULE deflex_tasks".to_owned());
+            lines.extend(shared.iter().map(persistent));
+            // Declared here and above, they have no value that is known.
+            lines.extend(declared.iter().map(|(name, kind)| format!("PERS {kind} {name}:=deflex_value;")));
+            lines.push("PROC deflex_tasks()".to_owned());
+            lines.extend(shared.keys().map(|name| sets(name)));
+            lines.push("ENDPROC\nENDMODULE\n".to_owned());
+        }
+        Some(Source::new("[other files]", lines.join("\n")))
+    }
+
+    /// Whether a module of a task declares a `PERS` that other tasks may declare too.
+    fn shares(&self, owner: usize, name: &str) -> bool {
+        matches!(self.names[owner].declared.get(name), Some(Declared::Persistent { .. })) && self.has_main(owner)
+    }
+}
+
+impl<'a> Links<'a> {
+    fn new(modules: &Modules<'a>) -> Self {
+        let count = modules.names.len();
+        let mut links =
+            Self { taken_by: vec![Vec::new(); count], takes: vec![Vec::new(); count], changers: BTreeMap::new() };
+        for module in 0..count {
+            for name in modules.foreign(module) {
+                let owners = modules.owners_of(module, name);
+                if owners.is_empty() || owners.iter().any(|owner| modules.group[*owner] == modules.group[module]) {
+                    continue;
+                }
+                owners.iter().for_each(|owner| links.taken_by[*owner].push((module, name)));
+                links.takes[module].push((name, owners));
+            }
+            for place in modules.changes(module) {
+                let name = place.split('[').next().unwrap_or(place);
+                let owners = modules.owners_of(module, name);
+                links.changers.entry(name).or_default().push(Change { by: module, place, owners });
+            }
+        }
+        links
+    }
 }
 
 /// The declared names with this beginning.
@@ -69,163 +283,227 @@ fn fit(names: &[ModuleNames], members: &[usize]) -> bool {
     let mut modules = BTreeSet::new();
     let one = members.iter().all(|&m| names[m].language == names[members[0]].language);
     let distinct = members.iter().all(|&m| modules.insert(&names[m].module));
-    one && distinct && members.iter().filter(|&&m| names[m].declared.contains("MAIN")).count() <= 1
-}
-
-impl ModuleNames {
-    /// No names yet, for a module in this language.
-    #[must_use]
-    pub fn new(language: Language) -> Self {
-        let none = BTreeSet::new;
-        Self { language, module: String::new(), declared: none(), local: none(), used: none(), begun: none() }
-    }
-
-    /// Whether this program calls another one by its name, in a language whose programs are files of their own.
-    #[must_use]
-    pub fn calls(&self, other: &Self) -> bool {
-        let is_called = self.language.about().calls.is_some() && self.language == other.language;
-        is_called && self.module != other.module && self.used.contains(&other.module)
-    }
-
-    /// Adds the names of a file of the module, which is read a line at a time.
-    ///
-    /// # Errors
-    /// `input` cannot be read.
-    pub fn read(&mut self, mut input: impl BufRead) -> io::Result<()> {
-        let mut words: [String; 3] = Default::default();
-        let mut line = Vec::new();
-        let comment = self.language.comment();
-        while input.read_until(b'\n', &mut line)? > 0 {
-            words_of(&line, comment).for_each(|word| self.take(&mut words, word));
-            line.clear();
-        }
-        Ok(())
-    }
-
-    /// Adds a word that follows three others.
-    fn take(&mut self, words: &mut [String; 3], Word { text, is_beginning }: Word<'_>) {
-        let word = String::from_utf8_lossy(text).to_ascii_uppercase();
-        if let Some(CallWords { own, called }) = &self.language.about().calls {
-            if words[2] == *own && self.module.is_empty() {
-                word.clone_into(&mut self.module);
-            } else if called.contains(&words[2].as_str()) {
-                self.used.insert(word.clone());
-            }
-            words.rotate_left(1);
-            words[2] = word;
-            return;
-        }
-        let declares = if self.language == Language::Krl { self.krl(words, &word) } else { self.rapid(words, &word) };
-        // `CallByVar "Path",n` calls the procedure whose name is the text with the number after it.
-        let list = if is_beginning || words[2] == "CALLBYVAR" { &mut self.begun } else { &mut self.used };
-        if !declares && !list.contains(&word) {
-            list.insert(word.clone());
-        }
-        words.rotate_left(1);
-        words[2] = word;
-    }
-
-    /// Whether the word is a declared name: it comes after `PROC`, or `PERS tooldata`.
-    fn rapid(&mut self, words: &[String; 3], word: &str) -> bool {
-        match (words[1].as_str(), words[2].as_str()) {
-            (_, "MODULE" | "SYSMODULE") => word.clone_into(&mut self.module),
-            (before, "PROC" | "TRAP") => self.declare(before == "LOCAL", word),
-            (_, "PERS" | "CONST" | "VAR" | "FUNC" | "TASK") => {} // the type
-            ("PERS" | "CONST" | "VAR" | "FUNC", _) => self.declare(words[0] == "LOCAL", word),
-            _ => return false,
-        }
-        true
-    }
-
-    /// Whether the word is a declared name: it comes after `DEF`, `DEFFCT type`, `GLOBAL type`. Other files see the first routine and global
-    /// ones.
-    fn krl(&mut self, words: &[String; 3], word: &str) -> bool {
-        let routine = |names: &mut Self, global: bool| {
-            let first = names.module.is_empty();
-            if first {
-                word.clone_into(&mut names.module);
-            }
-            names.declare(!first && !global, word);
-        };
-        match [&words[0][..], &words[1], &words[2]] {
-            [_, global, "DEF"] => routine(self, global == "GLOBAL"),
-            [_, _, "DEFFCT"] | [_, "GLOBAL", "CONST" | "INTERRUPT"] => {} // the type
-            [global, "DEFFCT", _] => routine(self, global == "GLOBAL"),
-            [_, _, "DEFDAT" | "GLOBAL"] => {}
-            [_, "GLOBAL", _] | ["GLOBAL", "CONST", _] => self.declare(false, word),
-            _ => return false,
-        }
-        true
-    }
-
-    fn declare(&mut self, local: bool, name: &str) {
-        let list = if local { &mut self.local } else { &mut self.declared };
-        list.insert(name.to_owned());
-    }
-}
-
-/// A word of a module.
-struct Word<'a> {
-    text: &'a [u8],
-    /// Whether it is only the beginning of a name: a string to which something is added at run time.
-    is_beginning: bool,
-}
-
-/// Words outside of comments, which begin with `comment`, and strings that are one word.
-fn words_of(bytes: &[u8], comment: Option<u8>) -> impl Iterator<Item = Word<'_>> {
-    let mut at = 0;
-    let whole = |text| Word { text, is_beginning: false };
-    std::iter::from_fn(move || {
-        while at < bytes.len() {
-            match bytes[at] {
-                b if Some(b) == comment => {
-                    at += bytes[at..].iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(bytes.len() - at)
-                }
-                b'"' => {
-                    let start = at + 1;
-                    let len = bytes[start..].iter().position(|&b| b == b'"').unwrap_or(bytes.len() - start);
-                    at = start + len + 1;
-                    // A text may name a routine: `%"Part_1"%` calls it, and so does `%"Module:Part_1"%`.
-                    let text = bytes[start..start + len].rsplit(|&b| b == b':').next().unwrap_or_default();
-                    let is_word = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
-                    if text.first().is_some_and(u8::is_ascii_alphabetic) && text.iter().all(is_word) {
-                        let next = bytes.iter().skip(at).find(|b| !b.is_ascii_whitespace());
-                        return Some(Word { text, is_beginning: next == Some(&b'+') });
-                    }
-                }
-                b if b.is_ascii_alphabetic() => {
-                    let word = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
-                    let end = at + bytes[at..].iter().position(|b| !word(b)).unwrap_or(bytes.len() - at);
-                    let found = &bytes[at..end];
-                    at = end;
-                    return Some(whole(found));
-                }
-                // The rest of a number or of a word of another alphabet.
-                b if b.is_ascii_digit() => {
-                    at += bytes[at..].iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(bytes.len() - at);
-                }
-                _ => at += 1,
-            }
-        }
-        None
-    })
+    one && distinct && members.iter().filter(|&&m| names[m].declared.contains_key("MAIN")).count() <= 1
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Editable, Program, ReadOptions, cl::ClOptions};
 
     fn groups(texts: &[&str]) -> Vec<Vec<usize>> {
         groups_in(Language::Rapid, texts)
     }
 
     fn groups_in(language: Language, texts: &[&str]) -> Vec<Vec<usize>> {
+        with_context(language, texts).into_iter().map(|group| group.members).collect()
+    }
+
+    fn with_context(language: Language, texts: &[&str]) -> Vec<ModuleGroup> {
         let names = |text: &&str| {
             let mut names = ModuleNames::new(language);
             names.read(text.as_bytes()).unwrap();
             names
         };
         group_modules(&texts.iter().map(names).collect::<Vec<_>>())
+    }
+
+    /// Members and context of each program.
+    fn contexts(groups: &[ModuleGroup]) -> Vec<(&[usize], &[usize])> {
+        groups.iter().map(|group| (&group.members[..], &group.context[..])).collect()
+    }
+
+    /// The programs that the texts form, each read with its context after that of the command.
+    fn read(language: Language, texts: &[&str], given: &[&str]) -> Vec<Program> {
+        let source = |i: &usize| Source::new(format!("{i}"), texts[*i]);
+        let program = |group: ModuleGroup| {
+            let given = given.iter().map(|text| Source::new("given", *text));
+            let context = given.chain(group.context.iter().map(source)).chain(group.others).collect();
+            let members = group.members.iter().map(source).collect();
+            let options = ReadOptions { cl: &ClOptions::default(), look: false };
+            crate::read(language, members, context, &options).unwrap()
+        };
+        with_context(language, texts).into_iter().map(program).collect()
+    }
+
+    /// How many targets of a program may be edited, and how many may not.
+    fn edited(program: &Program) -> [usize; 2] {
+        let kept = program.targets.iter().filter(|target| matches!(target.editable, Editable::No(_))).count();
+        [program.targets.len() - kept, kept + program.unknown.len()]
+    }
+
+    const FRAMES: &str = "PERS tooldata tM:=[TRUE,[[0,0,310],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];
+        PERS wobjdata wP:=[FALSE,TRUE,\"\",[[1200,-200,700],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
+        PERS wobjdata wQ:=[FALSE,TRUE,\"\",[[1400,300,700],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\n";
+    const AT: &str = "[[0,0,0],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+
+    fn part(name: &str, data: &str, body: &str) -> String {
+        format!("MODULE {name}\n{data}PROC main()\n{body}\nENDPROC\nENDMODULE\n")
+    }
+
+    #[test]
+    fn parameters_and_names_of_a_routine_are_no_names_of_the_module() {
+        let job = "MODULE Job
+            PROC main()\n MvL [[0,0,0]],tM,wP;\n nStep:=1;\n ENDPROC
+            PROC MvL(robtarget p,PERS tooldata tM,\\INOUT num n | switch s,PERS wobjdata wP{*})
+              VAR num nStep:=2;\n MoveL p,v50,fine,tM\\WObj:=wP;\n ENDPROC\nENDMODULE\n";
+        let data = format!("MODULE Data\n{FRAMES} VAR num nStep;\nENDMODULE\n");
+        let own = "MODULE Own\n PROC r(num nStep)\n VAR num p;\n p:=nStep;\n ENDPROC\nENDMODULE\n";
+        let other = "MODULE Other\n CONST robtarget p:=[[0]];\nENDMODULE\n";
+        assert_eq!(groups(&[job, &data, own, other]), [vec![0, 1], vec![2], vec![3]]);
+        // Another module has the value of a PERS without one.
+        let refers = part("Part", "PERS wobjdata wP;\n", "MoveL p1,v50,fine,tool0\\WObj:=wP;");
+        assert_eq!(groups(&[&refers, &data]), [[0, 1]]);
+    }
+
+    #[test]
+    fn types_and_all_names_of_a_global_list_join_modules() {
+        let job = part("Job", "CONST op o1:=[[0]];\nVAR level l;\n", "MoveL o1.a,v50,fine,tool0;");
+        let types = "MODULE Types\n RECORD op\n robtarget a;\n robtarget b;\n ENDRECORD\nENDMODULE\n";
+        let alias = "MODULE Levels\n ALIAS num level;\nENDMODULE\n";
+        // A component has no meaning outside of its record.
+        let other = "MODULE Other\n CONST num a:=1;\nENDMODULE\n";
+        assert_eq!(groups(&[&job, types, alias, other]), [vec![0, 1, 2], vec![3]]);
+        let job = "DEF job()\nLIN GR2\nLIN GR3[1]\nEND\n";
+        let data = "DEFDAT points PUBLIC\nDECL GLOBAL E6POS GR1={X 0.0,Y 0.0},GR2={X 1.0,Y 2.0}\nDECL E6POS XP1={X 0.0}\nENDDAT\n";
+        let more = "DEFDAT more PUBLIC\nGLOBAL E6POS GR[2],GR3[2]\nENDDAT\n";
+        let own = "DEF own()\nDECL E6POS GR1\nLIN XP1\nEND\n";
+        assert_eq!(groups_in(Language::Krl, &[job, data, more, own]), [vec![0, 1, 2], vec![3]]);
+    }
+
+    #[test]
+    fn a_data_module_counts_for_each_program_that_uses_it() {
+        let body = format!("MoveL {AT},v50,fine,tM\\WObj:=wP;\nMoveL pHome,v50,fine,tM\\WObj:=wP;");
+        let parts = ["Part1", "Part2", "Part3"].map(|name| part(name, "", &body));
+        let data = format!("MODULE Data\n{FRAMES}CONST robtarget pHome:={AT};\nENDMODULE\n");
+        let texts = [&parts[0][..], &parts[1], &parts[2], &data];
+        let found = with_context(Language::Rapid, &texts);
+        assert_eq!(contexts(&found), [(&[0, 3][..], &[][..]), (&[1], &[3]), (&[2], &[3])]);
+        // The program of the data module knows that others read its point, and does not need their texts for that.
+        assert_eq!(found.iter().filter(|group| group.others.is_some()).count(), 1);
+        for program in read(Language::Rapid, &texts, &[]) {
+            assert!(program.tools.iter().all(|tool| tool.data.is_some()) && program.wobjs[0].data.is_some());
+            assert_eq!(edited(&program), [1, 1]);
+        }
+        // What several others declare and the program does not is not that of the cell.
+        let own = ["Part1", "Part2"].map(|name| part(name, FRAMES, &body));
+        let programs = read(Language::Rapid, &[&own[0], &own[1], &parts[2]], &[]);
+        assert_eq!(programs.iter().map(edited).collect::<Vec<_>>(), [[1, 1], [1, 1], [1, 1]]);
+        let lower = own[1].replace("310", "200");
+        let programs = read(Language::Rapid, &[&own[0], &lower, &parts[2]], &[]);
+        assert_eq!(programs.iter().map(edited).collect::<Vec<_>>(), [[1, 1], [1, 1], [0, 2]]);
+        assert!(programs[2].kept.iter().any(|kept| kept.reason == crate::Reason::Tool));
+    }
+
+    #[test]
+    fn a_routine_that_two_programs_call_is_read_with_both() {
+        let calls = |name: &str, wobj: &str, frames: &str| part(name, frames, &format!("rCut {wobj};"));
+        let library = format!(
+            "MODULE Lib\nPROC rCut(PERS wobjdata wAct)\nMoveL {AT},v50,fine,tM\\WObj:=wAct;\nENDPROC\nENDMODULE\n"
+        );
+        let lower = FRAMES.replace("310", "200");
+        for (second, frames, expected) in [("wQ", FRAMES, [0, 1]), ("wP", FRAMES, [1, 0]), ("wP", &lower[..], [0, 1])] {
+            let [one, two] = [calls("PartA", "wP", FRAMES), calls("PartB", second, frames)];
+            let texts = [&one[..], &two, &library];
+            let found = with_context(Language::Rapid, &texts);
+            assert_eq!(contexts(&found), [(&[0, 2][..], &[1][..]), (&[1], &[2])]);
+            let programs = read(Language::Rapid, &texts, &[]);
+            assert_eq!(edited(&programs[0]), expected, "{second}");
+            assert!(programs.iter().all(|program| program.diagnostics.iter().all(|d| d.code != "rapid.undeclared")));
+        }
+    }
+
+    #[test]
+    fn a_file_that_writes_data_counts_for_the_files_that_read_them() {
+        let body = format!("wL:=wP;\nwL.oframe.trans.z:=nZ;\nMoveL {AT},v50,fine,tM\\WObj:=wL;");
+        let main = part("Main", "VAR wobjdata wL;\n", &body);
+        let data = format!("MODULE Data\n{FRAMES}PERS num nZ:=0;\nENDMODULE\n");
+        let main = &main[..];
+        let setup = |text: &str| format!("MODULE Setup\nPROC rSetup()\n{text}\nENDPROC\nENDMODULE\n");
+        let writes = [
+            "nZ:=GInput(gi1);",
+            "IF DInput(di1)=1 nZ:=5;",
+            "IF DInput(di1)=1 THEN\nIncr nZ;\nENDIF",
+            "rOther nZ;",
+            "TEST GInput(gi1)\nCASE 1,2:\nnZ:=5;\nENDTEST",
+            "x:=fOther(nZ);",
+            "SetDataVal \"nZ\",5;",
+            "%\"rOther\"% nZ;",
+        ];
+        for text in writes {
+            let programs = read(Language::Rapid, &[main, &setup(text)], &[&data]);
+            assert_eq!(edited(&programs[0]), [0, 1], "{text}");
+        }
+        for text in
+            ["x:=nZ;", "MoveL Offs(p1,0,0,nZ),v50,fine,tM\\WObj:=wP;", "TPWrite \"z\"\\Num:=nZ;", "IF nZ=1 THEN\nENDIF"]
+        {
+            let programs = read(Language::Rapid, &[main, &setup(text)], &[&data]);
+            assert_eq!(edited(&programs[0]), [1, 0], "{text}");
+        }
+        // A routine that only reads its parameters changes nothing of its caller.
+        let reads = "MODULE Lib\nPROC rOther(num z)\nMoveL Offs(p1,0,0,z),v50,fine,tool0;\nENDPROC\nENDMODULE\n";
+        let found = with_context(Language::Rapid, &[main, &setup("rOther nZ;"), reads]);
+        assert!(found.iter().all(|group| group.others.is_none()), "{found:?}");
+    }
+
+    #[test]
+    fn the_controllers_tables_belong_to_all_files() {
+        let cuts =
+            "DEF cuts()\nBAS(#TOOL,1)\nBAS(#BASE,2)\n$VEL.CP=0.05\nLIN {X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 180.0}\nEND\n";
+        for (text, expected) in [
+            ("BASE_DATA[2]=$POS_ACT", [0, 1]),
+            ("BASE_DATA[3]=$POS_ACT", [1, 0]),
+            ("BASE_DATA[I]=$POS_ACT", [0, 1]),
+            ("TRIGGER WHEN DISTANCE=0 DELAY=0 DO BASE_DATA[2].X=1 PRIO=-1", [0, 1]),
+            ("MEASURE(BASE_DATA[2])", [0, 1]),
+            ("IF BASE_DATA[2].X==1 THEN", [1, 0]),
+            ("X=BASE_DATA[2].X", [1, 0]),
+        ] {
+            let end = if text.ends_with("THEN") { "ENDIF\n" } else { "" };
+            let sets = format!("DEF sets()\nDECL INT I\n{text}\n{end}END\n");
+            let programs = read(Language::Krl, &[cuts, &sets], &[]);
+            assert_eq!(edited(&programs[0]), expected, "{text}");
+        }
+        let cuts = cuts.replace("#BASE,2", "#BASE,ACT");
+        let config = "DEFDAT $CONFIG PUBLIC\nDECL GLOBAL INT ACT=3\nENDDAT\n";
+        let programs = read(Language::Krl, &[&cuts, "DEF sets()\nACT=1\nEND\n"], &[config]);
+        assert_eq!(edited(&programs[0]), [0, 1]);
+    }
+
+    #[test]
+    fn tasks_share_the_data_that_both_declare() {
+        let moves = format!("MoveL {AT},v50,fine,tM\\WObj:=wP;");
+        let one = part("T1", FRAMES, &moves);
+        let sets = format!("wP:=wQ;\n{moves}");
+        let two = |text: &str| part("T2", FRAMES, text);
+        let task = "wP.oframe.trans.z:=20;";
+        assert_eq!(edited(&read(Language::Rapid, &[&one, &two(task)], &[])[0]), [0, 1]);
+        assert_eq!(edited(&read(Language::Rapid, &[&one], &[&two(task)])[0]), [0, 1]);
+        assert_eq!(edited(&read(Language::Rapid, &[&one, &two("x:=wP;")], &[])[0]), [1, 0]);
+        let own = two(task).replace("PERS wobjdata wP", "TASK PERS wobjdata wP");
+        assert_eq!(edited(&read(Language::Rapid, &[&one, &own], &[])[0]), [1, 0]);
+        // Part programs that each set their own data first are corrected, unless they are tasks that wait for each other.
+        let parts = [part("P1", FRAMES, &sets), part("P2", FRAMES, &sets)];
+        assert_eq!(edited(&read(Language::Rapid, &[&parts[0], &parts[1]], &[])[0]), [1, 0]);
+        let waits = part("P1", &format!("{FRAMES}PERS tasks tl{{2}}:=[[\"A\"],[\"B\"]];\n"), &sets);
+        assert_eq!(edited(&read(Language::Rapid, &[&waits, &parts[1]], &[])[0]), [0, 1]);
+    }
+
+    #[test]
+    fn part_programs_of_a_folder_do_not_read_each_other() {
+        let body = format!("MvL p1,tM,wP;\nMoveL p1,v50,fine,tM\\WObj:=wP;\nMoveL {AT},v50,fine,tool0;");
+        let wrapper = "PROC MvL(robtarget p,PERS tooldata t,PERS wobjdata w)\nMoveL p,v50,fine,t\\WObj:=w;\nENDPROC\n";
+        let text = |i: usize| {
+            let module = part(&format!("Part{i}"), &format!("CONST robtarget p1:={AT};\n"), &body);
+            module.replace("ENDMODULE", &format!("{wrapper}ENDMODULE"))
+        };
+        let parts: Vec<String> = (0..20).map(text).collect();
+        let mut texts: Vec<&str> = parts.iter().map(String::as_str).collect();
+        let data = format!("MODULE Data\n{FRAMES}ENDMODULE\n");
+        texts.push(&data);
+        let found = with_context(Language::Rapid, &texts);
+        assert!(found[1..].iter().all(|group| group.context == [20] && group.others.is_none()), "{found:?}");
+        assert!(found[0].context.is_empty());
     }
 
     #[test]

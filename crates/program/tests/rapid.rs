@@ -390,3 +390,41 @@ fn no_point_is_inserted_in_synchronised_motions() {
         assert_eq!(p.insertions_refused(&[1 + via]), [Some(Reason::Synchronised)], "{motion}");
     }
 }
+
+#[test]
+fn each_module_means_its_own_names() {
+    const FRAMES: &str = "PERS tooldata tM:=[TRUE,[[0,0,310],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];\n";
+    let at = "[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+    let text = |name: &str, frames: &str, body: &str| {
+        format!(
+            "MODULE {name}\n{frames}CONST robtarget p1:={at};\nPROC main()\n{body}\nENDPROC\nPROC rOwn()\nMoveL p1,v50,fine,tool0;\nENDPROC\nENDMODULE\n"
+        )
+    };
+    let read = |written: &[&str], context: &[&str]| {
+        let sources = |texts: &[&str]| texts.iter().map(|text| Source::new("t.mod", *text)).collect::<Vec<_>>();
+        read(sources(written), sources(context)).unwrap()
+    };
+    let editable = |program: &Program| program.targets[0].editable;
+    let one = text("One", FRAMES, "MoveL p1,v50,fine,tM;\nrOwn;");
+    let library = "MODULE Lib\nPROC rCut()\nMoveL [[0,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,tM;\nENDPROC\nENDMODULE\n";
+    // The other program goes to its own p1, in its own routine.
+    let other = text("Other", "", "MoveJ p1,v50,fine,tool0;\nrOwn;");
+    assert_eq!(
+        editable(&read(&[&one.replace("rOwn;", "")], &[])),
+        editable(&read(&[&one.replace("rOwn;", "")], &[&other]))
+    );
+    // A module that declares neither may mean either, unless they are the same.
+    let calls = text("One", FRAMES, "rCut;");
+    let two = |frames: &str| text("Two", frames, "rCut;");
+    let lower = FRAMES.replace("310", "200");
+    assert_eq!(editable(&read(&[&calls, library], &[&two(FRAMES)])), Editable::Pose);
+    let differing = read(&[&calls, library], &[&two(&lower)]);
+    assert!(differing.kept.iter().any(|kept| kept.reason == Reason::Tool), "{:?}", differing.kept);
+    // Another version of the same module is none of the other programs.
+    let version = two(&lower).replace("MODULE Two", "MODULE One");
+    assert_eq!(editable(&read(&[&calls, library], &[&version])), Editable::Pose);
+    // A context file that calls nothing of the program, and names its point.
+    let names = "MODULE Names\nPROC rNames()\nMoveJ p9,v50,fine,tool0;\nENDPROC\nENDMODULE\n";
+    let point = one.replace("p1", "p9").replace("rOwn;", "");
+    assert!(matches!(editable(&read(&[&point], &[names])), Editable::No(_)));
+}

@@ -39,6 +39,8 @@ mod tree;
 mod value;
 
 pub use chunks::{CHUNK, Chunk, Chunks};
+pub(crate) use syntax::is_type;
+pub(crate) use system::{Called, changes};
 
 use super::{Language, Program, Reason};
 use deflex_text::{Diagnostic, Severity, Source, Span};

@@ -26,6 +26,11 @@ const TYPES: [&[u8]; 16] = [
     b"PDAT", b"CP", b"INERTIA", b"SPL_VELOCITY",
 ];
 
+/// Whether a word in upper case is a type of the system, which begins a declaration.
+pub(crate) fn is_type(word: &[u8]) -> bool {
+    TYPES.contains(&word)
+}
+
 /// The statements of a block, the word that ended it, and the text after that word.
 type Block = (Vec<Statement>, Option<(usize, Span)>);
 

@@ -7,6 +7,8 @@
 //! assignments and those of the routines that they call. A routine that is not listed may change anything. `docs/soundness.md` repeats
 //! these lists. If the files of the program contain a routine of this name, that one is followed instead.
 
+use super::names;
+
 /// What a routine may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum System {
@@ -70,6 +72,27 @@ pub(super) fn system(name: &[u8]) -> Option<System> {
         return Some(System::TouchSense);
     }
     DATA.iter().find(|(known, _)| known.as_bytes() == name).map(|(_, data)| System::Data(data))
+}
+
+/// What a routine that a program calls by this name may change, as far as the name tells.
+pub(crate) enum Called {
+    Nothing,
+    Data(&'static [&'static str]),
+    /// The variables in its arguments, and what a routine in the files changes.
+    Arguments,
+}
+
+/// The changes of a call, or of a word of the language before a bracket.
+pub(crate) fn changes(name: &[u8]) -> Called {
+    const WORDS: [&[u8]; 9] = [b"BAS", b"IF", b"WHILE", b"UNTIL", b"SWITCH", b"RETURN", b"PTP", b"LIN", b"CIRC"];
+    if WORDS.contains(&name) || names::NO_CALLS.contains(&name) || names::is_frame_function(name) {
+        return Called::Nothing;
+    }
+    match system(name) {
+        Some(System::Nothing) => Called::Nothing,
+        Some(System::Data(data)) => Called::Data(data),
+        Some(System::Arguments | System::TouchSense) | None => Called::Arguments,
+    }
 }
 
 #[cfg(test)]

@@ -432,6 +432,23 @@ impl<'s, 'a> Scan<'s, 'a> {
     }
 }
 
+/// Whether the arguments of a predefined instruction or function, or what follows a word of the language, keep their values.
+pub(crate) fn changes_nothing(name: &[u8]) -> bool {
+    const WORDS: [&[u8]; 17] = [
+        b"IF", b"ELSEIF", b"WHILE", b"FOR", b"FROM", b"TO", b"STEP", b"TEST", b"AND", b"OR", b"XOR", b"NOT", b"DIV",
+        b"MOD", b"RETURN", b"RAISE", b"ERROR",
+    ];
+    let moves = motion::shape(name).is_some_and(|shape| shape.zone != motion::Zone::Absent);
+    let keeps = |instruction| {
+        use Instruction::{Arguments, DataByName, Options, Steps, Waits};
+        !matches!(instruction, Arguments | DataByName | Options | Steps | Waits)
+    };
+    moves
+        || WORDS.contains(&name)
+        || predefined::instruction(name).is_some_and(keeps)
+        || predefined::function(name) == Some(Function::Nothing)
+}
+
 /// `MoveLSync` and similar instructions: a procedure runs during the motion.
 pub(super) fn is_synchronised(name: &[u8]) -> bool {
     name.len() > 4 && name[name.len() - 4..].eq_ignore_ascii_case(b"SYNC")

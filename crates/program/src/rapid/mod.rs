@@ -73,6 +73,7 @@ mod writer;
 
 // Types between `Chunks` and the pipeline that corrects them; not for callers.
 #[doc(hidden)]
+pub(crate) use changes::changes_nothing;
 pub use chunk::Chunk;
 pub use chunks::Chunks;
 pub use declared::{Declared, Names};

@@ -5,8 +5,8 @@ use super::known::{Known, RoutineId};
 use super::tree::{Data, File, Routine, RoutineKind, Storage};
 use super::value::Value;
 use crate::Reason;
-use deflex_text::{Source, decode};
-use std::collections::{BTreeSet, HashMap};
+use deflex_text::{Source, Span, decode};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -88,16 +88,22 @@ pub(super) struct Symbols<'a> {
     pub(super) sources: &'a [Source],
     pub(super) files: &'a [File],
     pub(super) global: Names,
-    /// LOCAL data of each module, over all files.
+    /// LOCAL data of each module, over all files, and its data that another module declared before.
     pub(super) local: Vec<Names>,
     pub(super) routines: HashMap<Box<[u8]>, RoutineId>,
-    /// LOCAL routines of each module.
+    /// LOCAL routines of each module, and its routines that another module declared before.
     pub(super) local_routines: Vec<HashMap<Box<[u8]>, RoutineId>>,
     /// Modules by their name in upper case.
     modules: HashMap<Box<[u8]>, usize>,
     /// For each file, the number of modules in the files before.
     pub(super) first_module: Vec<usize>,
     pub(super) variables: Vec<Variable<'a>>,
+    /// Data that several modules declare: of each, the first one and another one.
+    again: Vec<[usize; 2]>,
+    /// Data that other modules declare otherwise, with an unknown value for modules that declare neither.
+    otherwise: HashMap<usize, usize>,
+    /// Routines that other modules declare otherwise.
+    routines_otherwise: HashSet<RoutineId>,
     /// How many of them are data of modules; parameters and data of routines follow.
     pub(super) data: usize,
     /// Components of the program's own record types, by type: name and type of each.
@@ -128,9 +134,7 @@ impl<'a> Symbols<'a> {
                     let variable = declared(bytes, f, id, data);
                     symbols.variables.push(variable);
                     let key = Box::from(&*Upper::new(&bytes[data.name.range()]));
-                    let names = if data.local { &mut symbols.local[id] } else { &mut symbols.global };
-                    // Of two equal names the first counts; the controller would refuse the second.
-                    names.entry(key).or_insert(at);
+                    symbols.add_data(key, at, id, data.local);
                 }
                 for record in &module.records {
                     let fields = record.fields.iter().map(|(kind, name)| {
@@ -143,17 +147,95 @@ impl<'a> Symbols<'a> {
                 for (r, routine) in module.routines.iter().enumerate() {
                     let key: Box<[u8]> = Box::from(&*Upper::new(&bytes[routine.name.range()]));
                     let place = RoutineId { file: f, module: m, routine: r };
-                    if routine.local {
-                        symbols.local_routines[id].entry(key).or_insert(place);
-                    } else {
-                        symbols.routines.entry(key).or_insert(place);
-                    }
+                    symbols.add_routine(key, place, id, routine);
                 }
             }
         }
+        symbols.add_unknown();
         symbols.data = symbols.variables.len();
         symbols.find_changes();
+        symbols.find_shared();
         symbols
+    }
+
+    /// Adds data of a module. Programs of their own, which may declare the same names, may be given together: each module means its own.
+    fn add_data(&mut self, key: Box<[u8]>, at: usize, module: usize, is_local: bool) {
+        let first = self.global.get(&key).copied().filter(|first| self.variables[*first].module != module);
+        if is_local || first.is_some() {
+            self.local[module].entry(key).or_insert(at);
+        } else {
+            self.global.entry(key).or_insert(at);
+        }
+        self.again.extend(first.filter(|_| !is_local).map(|first| [first, at]));
+    }
+
+    fn add_routine(&mut self, key: Box<[u8]>, id: RoutineId, module: usize, routine: &Routine) {
+        let first = self.routines.get(&key).copied().filter(|first| self.module_of(*first) != module);
+        if routine.local || first.is_some() {
+            self.local_routines[module].entry(key).or_insert(id);
+        } else {
+            self.routines.entry(key).or_insert(id);
+        }
+        let text = |id: RoutineId| plain(&self.sources[id.file].bytes[self.routine(id).text.range()]);
+        let differs = |first: &RoutineId| !self.is_version(self.module_of(*first), module) && text(*first) != text(id);
+        if let Some(first) = first.filter(|first| !routine.local && differs(first)) {
+            self.routines_otherwise.insert(first);
+        }
+    }
+
+    /// Adds the values of data that modules declare differently, for modules that declare neither.
+    fn add_unknown(&mut self) {
+        let text = |at: usize| {
+            let variable: &Variable<'_> = &self.variables[at];
+            let span = variable.declared.map(|data| Span { start: data.kind.start, ..data.statement });
+            span.map(|span| plain(&self.sources[usize::from(variable.source)].bytes[span.range()]))
+        };
+        let differs = |[first, other]: &&[usize; 2]| {
+            let [a, b] = [first, other].map(|at| self.variables[*at].module);
+            !self.is_version(a, b) && text(*first) != text(*other)
+        };
+        let differing: BTreeSet<usize> = self.again.iter().filter(differs).map(|[first, _]| *first).collect();
+        for first in differing {
+            let content = Content::Is(Value::Unknown(Reason::DeclaredOtherwise));
+            let unknown = Variable { content, declared: None, ..self.variables[first].clone() };
+            self.otherwise.insert(first, self.variables.len());
+            self.variables.push(unknown);
+        }
+    }
+
+    /// Whether two modules have the same name: one is another version of the other.
+    fn is_version(&self, a: usize, b: usize) -> bool {
+        let name = |module: usize| {
+            let file = self.first_module.partition_point(|first| *first <= module) - 1;
+            let name = self.files[file].modules[module - self.first_module[file]].name;
+            Upper::new(&self.sources[file].bytes[name.range()])
+        };
+        *name(a) == *name(b)
+    }
+
+    /// Makes `PERS` unknown that several modules declare and another module assigns: tasks share them. If the tasks wait for each other, the
+    /// data may change at any moment. Otherwise they may also be programs of their own, of which each assigns its data before it uses them.
+    fn find_shared(&mut self) {
+        let have_tasks = self.variables.iter().any(|variable| *variable.kind == *b"TASKS");
+        for [first, other] in self.again.clone() {
+            for [changed, shared] in [[first, other], [other, first]] {
+                let is_shared = |at: usize| {
+                    let is_own = |data: &Data| self.is_of_one_task(usize::from(self.variables[at].source), data);
+                    self.variables[at].storage == Storage::Pers && !self.variables[at].declared.is_some_and(is_own)
+                };
+                if self.variables[changed].assigned && is_shared(changed) && is_shared(shared) {
+                    let variable = &mut self.variables[shared];
+                    variable.content = Content::Is(Value::Unknown(Reason::AnyMoment));
+                    variable.volatile = variable.volatile.or(have_tasks.then_some(Reason::AnyMoment));
+                }
+            }
+        }
+    }
+
+    /// Whether data are declared with `TASK`.
+    fn is_of_one_task(&self, source: usize, data: &Data) -> bool {
+        let text = &self.sources[source].bytes[data.statement.range()];
+        text.get(..4).is_some_and(|word| word.eq_ignore_ascii_case(b"TASK"))
     }
 
     pub(super) fn routine(&self, id: RoutineId) -> &'a Routine {
@@ -168,7 +250,8 @@ impl<'a> Symbols<'a> {
     pub(super) fn find_routine(&self, module: usize, name: &[u8]) -> Option<RoutineId> {
         let key = Upper::new(name);
         let local = self.local_routines.get(module).filter(|l| !l.is_empty()).and_then(|l| l.get(&*key));
-        local.or_else(|| self.routines.get(&*key)).copied()
+        let is_one = |id: &&RoutineId| !self.routines_otherwise.contains(*id) || self.module_of(**id) == module;
+        local.or_else(|| self.routines.get(&*key).filter(is_one)).copied()
     }
 
     /// The routine that a text `name` or `module:name` means in `module`.
@@ -199,7 +282,12 @@ impl<'a> Symbols<'a> {
 
     /// The data that a name means in `module`.
     pub(super) fn find_data(&self, module: usize, key: &[u8]) -> Option<usize> {
-        self.local.get(module).and_then(|l| l.get(key)).or_else(|| self.global.get(key)).copied()
+        if let Some(at) = self.local.get(module).and_then(|l| l.get(key)) {
+            return Some(*at);
+        }
+        let at = *self.global.get(key)?;
+        let is_own = self.variables[at].module == module;
+        Some(self.otherwise.get(&at).copied().filter(|_| !is_own).unwrap_or(at))
     }
 
     /// All routines, in file order.
@@ -214,7 +302,8 @@ impl<'a> Symbols<'a> {
 
     /// Data that are not LOCAL.
     pub(super) fn global_data(&self) -> impl Iterator<Item = usize> {
-        let mut data: Vec<usize> = self.global.values().copied().collect();
+        let again = self.again.iter().map(|[_, other]| *other);
+        let mut data: Vec<usize> = self.global.values().copied().chain(again).collect();
         data.sort_unstable();
         data.into_iter()
     }
@@ -231,6 +320,11 @@ impl<'a> Symbols<'a> {
         let open = |at: &usize| self.variables[*at].storage != Storage::Const;
         self.all_named(name).into_iter().filter(open).collect()
     }
+}
+
+/// A text without blanks, in upper case.
+fn plain(text: &[u8]) -> Vec<u8> {
+    text.iter().filter(|byte| !byte.is_ascii_whitespace()).map(u8::to_ascii_uppercase).collect()
 }
 
 pub(super) fn declared<'a>(bytes: &[u8], file: usize, module: usize, data: &'a Data) -> Variable<'a> {

@@ -270,6 +270,7 @@ impl Parser<'_> {
             kind,
             local,
             name,
+            text: name,
             params,
             data: Vec::new(),
             body: Vec::new(),
@@ -312,6 +313,7 @@ impl Parser<'_> {
                 }
             }
         }
+        routine.text = Span::new(name.start as usize, self.cursor.passed);
         module.routines.push(routine);
         Ok(())
     }

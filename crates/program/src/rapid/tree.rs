@@ -67,6 +67,8 @@ pub(super) struct Routine {
     pub(super) kind: RoutineKind,
     pub(super) local: bool,
     pub(super) name: Span,
+    /// From the name to the end.
+    pub(super) text: Span,
     pub(super) params: Vec<Param>,
     pub(super) data: Vec<Data>,
     pub(super) body: Vec<Statement>,

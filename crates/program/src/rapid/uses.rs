@@ -93,6 +93,9 @@ impl<'a> Runner<'a> {
     pub(super) fn runs_elsewhere(&self) -> RunsElsewhere {
         let mut unknown = self.symbols.known.aside.clone();
         unknown.extend(self.reached_without_end());
+        // What a context file has, and does not belong to the program, is not followed.
+        let is_followed = |id: &RoutineId| self.reached.entered.contains(id) || self.reached.entered_aside.contains(id);
+        unknown.extend(self.symbols.all().filter(|id| id.file >= self.written && !is_followed(id)));
         if self.reached.is_aside_cut {
             unknown.extend(self.symbols.all());
         }
