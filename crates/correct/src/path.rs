@@ -396,10 +396,9 @@ impl Walk<'_, '_> {
         let unknown = if is_cut_unknown {
             Some(KeptReason::CutUnknown)
         } else {
-            let has_frame = frame.is_some() || held.is_some();
-            // The way to the first target is that after it, unless the program does not say that either.
-            let is_on_way = previous.is_some() || direction.is_some();
-            let is_unknown = self.depends_on_unknown(target, starts_unknown || !is_on_way, has_frame);
+            // A plunge before all other cuts has no force.
+            let has_frame = frame.is_some() || held.is_some() || previous.is_none() && direction.is_some();
+            let is_unknown = self.depends_on_unknown(target, starts_unknown, has_frame);
             is_unknown.then_some(KeptReason::PredecessorUnknown)
         };
         if let Some(why) = unknown {
@@ -544,8 +543,9 @@ impl Walk<'_, '_> {
         const UNKNOWN_TRAVEL: f64 = 1e-3;
         let arm = &self.cell.arm;
         let follows_the_way = self.carried.laws.follows_the_way(target, self.options.has_force_table(self.cell));
-        // A cut along the tool axis takes its directions from the cut before it, which is not computed if that was kept.
-        let frame_is_unknown = !has_frame && self.last().is_some_and(|last| last.unsolved.is_some());
+        // A cut along the tool axis takes its directions from the cut before it, which is not computed if that was kept. The first target
+        // takes them from the way to the next one, which may be unknown too.
+        let frame_is_unknown = !has_frame && self.last().is_none_or(|last| last.unsolved.is_some());
         starts_unknown && (follows_the_way || arm.follows_travel() || arm.needs(Need::Speed))
             || frame_is_unknown && follows_the_way
             || self.carried.unknown_travel.amax() > UNKNOWN_TRAVEL

@@ -453,6 +453,8 @@ mod tests {
         for (text, expected) in [
             ("BASE_DATA[2]=$POS_ACT", [0, 1]),
             ("BASE_DATA[3]=$POS_ACT", [1, 0]),
+            ("BASE_DATA[3]={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}", [1, 0]),
+            ("BASE_DATA[1+I]={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}", [0, 1]),
             ("BASE_DATA[I]=$POS_ACT", [0, 1]),
             ("TRIGGER WHEN DISTANCE=0 DELAY=0 DO BASE_DATA[2].X=1 PRIO=-1", [0, 1]),
             ("MEASURE(BASE_DATA[2])", [0, 1]),

@@ -378,7 +378,7 @@ fn routines_without_a_caller_that_change_what_others_use_are_named() {
     );
     assert_eq!(
         warned("PROC shift()\nPDispSet [[0,0,5],[1,0,0,0]];\nENDPROC\n"),
-        ["`cut` is corrected for program displacement switched off, and `shift` changes it"]
+        ["`cut` is corrected for program displacement as at the start, and `shift` changes it"]
     );
     // A caller says in which order they run.
     assert_eq!(warned("PROC two()\nn:=1;\nENDPROC\nPROC main()\ntwo;\ncut;\nENDPROC\n"), Vec::<String>::new());

@@ -271,6 +271,7 @@ impl ModuleNames {
             }
             b')' | b']' | b'}' => statement.depth = statement.depth.saturating_sub(1),
             b'.' | b':' | b'\n' | b' ' => {}
+            _ if statement.is_longer_than_path => {}
             _ if statement.depth > 0 => statement.index = None,
             _ => statement.is_longer_than_path = true,
         }

@@ -2,7 +2,7 @@
 
 use super::expression::Expression;
 use super::known::RoutineId;
-use super::lasting::LastingStates;
+use super::lasting::{Lasting, LastingStates};
 use super::runner::Runner;
 use super::state::{Begun, ModalState};
 use super::symbols::{Content, Upper};
@@ -33,6 +33,14 @@ impl Runner<'_> {
         }
     }
 
+    /// Records that an instruction sets a state that lasts.
+    pub(super) fn sets(&mut self, state: Lasting) {
+        self.state.modal.as_begun.remove(state);
+        if self.is_real() {
+            self.begun.set.insert(state);
+        }
+    }
+
     /// Records that a motion uses the states in force.
     pub(super) fn uses_states(&mut self) {
         self.begun.expected = self.begun.expected.union(self.state.modal.as_begun);
@@ -48,7 +56,7 @@ impl Runner<'_> {
 
     /// The states that are not as at the beginning.
     fn states_set(&self) -> LastingStates {
-        LastingStates::differing(&self.state.modal, &ModalState::default())
+        self.state.modal.differing(&ModalState::default())
     }
 
     /// Whether a trap may end the cycle, which it may do at any moment.
@@ -70,7 +78,7 @@ impl Runner<'_> {
     /// next cycle.
     pub(super) fn tell_next_cycle(&mut self, main: RoutineId) {
         self.ends_cycle();
-        let Begun { declared, used, expected, mut left, passed } = std::mem::take(&mut self.begun);
+        let Begun { declared, used, set, expected, mut left, passed } = std::mem::take(&mut self.begun);
         if self.traps_end_cycle() {
             left = left.union(passed);
         }
@@ -87,7 +95,7 @@ impl Runner<'_> {
                 self.tell_cycle(usize::from(data.source), declared.statement, &message);
             }
         }
-        for state in expected.common(left).iter() {
+        for state in set.common(expected).common(left).iter() {
             let message = format!("at the end of `main`, {} may not be as its first motions expect", state.what());
             self.tell_cycle(main.file, self.symbols.routine(main).name, &message);
         }
@@ -104,7 +112,7 @@ impl Runner<'_> {
             changed.extend(
                 used.map(|at| (format!("the value of `{}` in the text", self.symbols.variables[at].name), other)),
             );
-            let states = LastingStates::switched(changes.switches).without(LastingStates::switched(own.switches));
+            let states = changes.switches.lasting().without(own.switches.lasting());
             changed.extend(states.iter().map(|state| (format!("{} as at the start", state.what()), other)));
         }
         changed.sort();

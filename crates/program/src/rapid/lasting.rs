@@ -1,7 +1,5 @@
 //! States that an instruction leaves in force up to the next one, also for the next cycle.
 
-use super::state::{ModalState, Switches};
-
 /// Such a state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lasting {
@@ -37,18 +35,6 @@ impl Lasting {
             Self::Configuration => "`ConfJ`",
         }
     }
-
-    fn differs(self, a: &ModalState, b: &ModalState) -> bool {
-        match self {
-            Self::Displacement => a.displacement != b.displacement,
-            Self::AxisOffset => a.axes.offset != b.axes.offset,
-            Self::Units => a.axes.inactive != b.axes.inactive,
-            Self::Softness => a.soft != b.soft,
-            Self::Speed => a.velocity != b.velocity,
-            Self::Arcs => a.arcs != b.arcs,
-            Self::Configuration => a.nearest != b.nearest,
-        }
-    }
 }
 
 /// A set of such states.
@@ -57,28 +43,17 @@ pub(super) struct LastingStates(u8);
 
 impl LastingStates {
     pub(super) fn all() -> Self {
-        let mut all = Self::default();
-        Lasting::ALL.into_iter().for_each(|state| all.insert(state));
-        all
+        Self::of(|_| true)
     }
 
-    /// Those that differ between two states.
-    pub(super) fn differing(a: &ModalState, b: &ModalState) -> Self {
-        let mut differing = Self::default();
-        Lasting::ALL.into_iter().filter(|state| state.differs(a, b)).for_each(|state| differing.insert(state));
-        differing
-    }
-
-    /// Those that may be switched.
-    pub(super) fn switched(switches: Switches) -> Self {
-        let Switches { displacement, axes, soft, velocity, arcs, nearest, marks: _, load: _ } = switches;
-        let switched = [displacement, axes, axes, soft, velocity, arcs, nearest];
+    /// Those of which `holds` is true.
+    pub(super) fn of(holds: impl Fn(Lasting) -> bool) -> Self {
         let mut states = Self::default();
-        Lasting::ALL.into_iter().zip(switched).filter(|(_, is)| *is).for_each(|(state, _)| states.insert(state));
+        Lasting::ALL.into_iter().filter(|state| holds(*state)).for_each(|state| states.insert(state));
         states
     }
 
-    fn insert(&mut self, state: Lasting) {
+    pub(super) fn insert(&mut self, state: Lasting) {
         self.0 |= 1 << state as u8;
     }
 

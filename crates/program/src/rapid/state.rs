@@ -1,6 +1,6 @@
 //! The modal state: everything except data that instructions leave in force, and the parts that statements may switch.
 
-use super::lasting::LastingStates;
+use super::lasting::{Lasting, LastingStates};
 use super::value::Value;
 use crate::{ArcTurn, EXTERNAL_AXES, External, Mark, Reason};
 use std::collections::{BTreeMap, BTreeSet};
@@ -200,6 +200,19 @@ impl ModalState {
         }
     }
 
+    /// The lasting states that differ from those of another state.
+    pub(super) fn differing(&self, other: &Self) -> LastingStates {
+        LastingStates::of(|state| match state {
+            Lasting::Displacement => self.displacement != other.displacement,
+            Lasting::AxisOffset => self.axes.offset != other.axes.offset,
+            Lasting::Units => self.axes.inactive != other.axes.inactive,
+            Lasting::Softness => self.soft != other.soft,
+            Lasting::Speed => self.velocity != other.velocity,
+            Lasting::Arcs => self.arcs != other.arcs,
+            Lasting::Configuration => self.nearest != other.nearest,
+        })
+    }
+
     /// Makes unknown the parts that may be switched.
     pub(super) fn lose(&mut self, switches: Switches) {
         let Switches { displacement, axes, marks, soft, load, velocity, arcs, nearest } = switches;
@@ -264,6 +277,20 @@ impl Switches {
     pub(super) const FOREIGN: Self = Self { displacement: true, axes: true, ..Self::NONE };
 }
 
+impl Switches {
+    /// The lasting states that may be switched.
+    pub(super) fn lasting(self) -> LastingStates {
+        LastingStates::of(|state| match state {
+            Lasting::Displacement => self.displacement,
+            Lasting::AxisOffset | Lasting::Units => self.axes,
+            Lasting::Softness => self.soft,
+            Lasting::Speed => self.velocity,
+            Lasting::Arcs => self.arcs,
+            Lasting::Configuration => self.nearest,
+        })
+    }
+}
+
 impl BitOrAssign for Switches {
     fn bitor_assign(&mut self, other: Self) {
         let Self { displacement, axes, marks, soft, load, velocity, arcs, nearest } = other;
@@ -285,7 +312,9 @@ pub(super) struct Begun {
     pub(super) declared: BTreeMap<usize, Value>,
     /// Those that a motion uses before any path assigns them.
     pub(super) used: BTreeSet<usize>,
-    /// The states that a motion uses before an instruction sets them on every path.
+    /// The states that an instruction of the program sets. Routines that are not given may set them too, which other messages report.
+    pub(super) set: LastingStates,
+    /// Those that a motion uses before an instruction sets them on every path.
     pub(super) expected: LastingStates,
     /// Those that are not as at the beginning, at an `ExitCycle` or the end.
     pub(super) left: LastingStates,
