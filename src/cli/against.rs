@@ -35,11 +35,11 @@ impl<'a> Originals<'a> {
     pub(super) fn job(&self, job: &Job) -> Result<Option<Job>, Vec<Diagnostic>> {
         let Some(path) = self.against else { return Ok(None) };
         // What is read with the corrected program is read with its original.
-        let beside = |original: Job| original.beside_as(job);
+        let read_alike = |original: Job| original.with_context_of(job);
         if path.is_dir() {
             let files: Vec<PathBuf> = job.files.iter().map(|file| path.join(file)).collect();
-            return Ok(jobs(&files, self.format)?.into_iter().next().map(beside));
+            return Ok(jobs(&files, self.format)?.into_iter().next().map(read_alike));
         }
-        Job::of(path, self.format).map(beside).map(Some)
+        Job::of(path, self.format).map(read_alike).map(Some)
     }
 }

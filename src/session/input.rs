@@ -112,9 +112,9 @@ impl Context {
     /// The modules, other inputs that are read with a program, and declarations of the routines that the cell lists as free of motions.
     pub(crate) fn of(&self, job: &Job, cell: Option<&Cell>) -> Result<Cow<'_, [Source]>, Vec<Diagnostic>> {
         let is_new = |text: &&Text| self.sources.iter().all(|known| known.name != text.name());
-        let beside = all(job.beside.iter().filter(is_new).map(|text| text.clone().read()))?;
+        let of_job = all(job.context.iter().filter(is_new).map(|text| text.clone().read()))?;
         let harmless = cell.map_or_else(Vec::new, |cell| cell.controller.declarations(job.language));
-        Ok(match [beside, harmless].concat() {
+        Ok(match [of_job, harmless].concat() {
             more if more.is_empty() => Cow::Borrowed(&self.sources),
             more => Cow::Owned([self.sources.clone(), more].concat()),
         })

@@ -31,7 +31,7 @@ pub(crate) struct Job {
     pub(crate) language: Language,
     /// Texts of other inputs that are read with this program and belong to programs of their own: those that it calls, those that call it,
     /// and what others read and change of its data.
-    pub(crate) beside: Vec<Text>,
+    pub(crate) context: Vec<Text>,
     /// The name of another input that calls this program.
     pub(crate) caller: Option<String>,
     /// Whether a `.pgf` list names the modules: they are one program even if they do not use each other.
@@ -55,7 +55,7 @@ impl Job {
         companions: Vec<(PathBuf, Vec<u8>)>,
         language: Language,
     ) -> Self {
-        Self { name, texts, files, companions, language, beside: Vec::new(), caller: None, listed: false }
+        Self { name, texts, files, companions, language, context: Vec::new(), caller: None, listed: false }
     }
 
     /// The one program that these files form; an error if they are several programs.
@@ -70,13 +70,13 @@ impl Job {
         }
         let none = || Diagnostic::error("program.none", "", "expected the files of a program, and there are none");
         let mut one = jobs.into_iter().reduce(Self::with).ok_or_else(none)?;
-        one.beside.clear();
+        one.context.clear();
         Ok(one)
     }
 
     /// The same job, read with what another one is read with.
-    pub(crate) fn beside_as(mut self, other: &Self) -> Self {
-        self.beside.clone_from(&other.beside);
+    pub(crate) fn with_context_of(mut self, other: &Self) -> Self {
+        self.context.clone_from(&other.context);
         self
     }
 
@@ -140,7 +140,7 @@ impl Job {
             files: vec![file_name(path)],
             companions: Vec::new(),
             language,
-            beside: Vec::new(),
+            context: Vec::new(),
             caller: None,
             listed: false,
         };
@@ -193,7 +193,7 @@ impl Job {
             files,
             companions: vec![(PathBuf::from(path.file_name().unwrap_or(path.as_os_str())), list.bytes)],
             language: Language::Rapid,
-            beside: Vec::new(),
+            context: Vec::new(),
             caller: None,
             listed: true,
         })
@@ -254,9 +254,9 @@ fn grouped(mut jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     for ModuleGroup { members, context, others } in group_modules(&names) {
         let members = members.into_iter().map(|i| modules[i].clone());
         let context = context.into_iter().flat_map(|i| modules[i].1.texts.clone());
-        let beside: Vec<Text> = context.chain(others.map(Text::Held)).collect();
+        let context: Vec<Text> = context.chain(others.map(Text::Held)).collect();
         let joined = members.reduce(|(place, job), (_, more)| (place, job.with(more)));
-        out.extend(joined.map(|(place, job)| (place, Job { beside, ..job })));
+        out.extend(joined.map(|(place, job)| (place, Job { context, ..job })));
     }
     out.sort_by_key(|(place, _)| *place);
     Ok(out.into_iter().map(|(_, job)| job).collect())
@@ -279,7 +279,7 @@ fn connect(jobs: &mut [(usize, Job)]) -> Result<(), Vec<Diagnostic>> {
         })
         .collect();
     for (i, called) in called.into_iter().enumerate() {
-        jobs[i].beside = called.into_iter().map(|k| jobs[k].texts[0].clone()).collect();
+        jobs[i].context = called.into_iter().map(|k| jobs[k].texts[0].clone()).collect();
         jobs[i].caller = (0..names.len()).find(|k| calls(*k, i)).map(|k| jobs[k].name.clone());
     }
     Ok(())
@@ -322,8 +322,8 @@ mod tests {
         let jobs = grouped(inputs()).unwrap();
         let names: Vec<&str> = jobs.iter().map(|job| &job.name[..]).collect();
         assert_eq!(names, ["one.mod + data.mod", "two.mod"]);
-        let beside = |job: &Job| job.beside.iter().map(|text| text.name().to_owned()).collect::<Vec<_>>();
-        assert_eq!([beside(&jobs[0]), beside(&jobs[1])], [["two.mod"], ["data.mod"]]);
+        let context = |job: &Job| job.context.iter().map(|text| text.name().to_owned()).collect::<Vec<_>>();
+        assert_eq!([context(&jobs[0]), context(&jobs[1])], [["two.mod"], ["data.mod"]]);
         for job in jobs {
             let context = Context::default();
             assert_eq!(context.of(&job, None).unwrap().len(), 1);
@@ -334,6 +334,6 @@ mod tests {
             assert!(program.tools[0].data.is_some() && program.diagnostics.is_empty(), "{:?}", program.diagnostics);
         }
         // Files of one program are read as one, whatever they declare.
-        assert!(Job::one(inputs()).unwrap().beside.is_empty());
+        assert!(Job::one(inputs()).unwrap().context.is_empty());
     }
 }

@@ -536,7 +536,7 @@ impl Program {
     }
 
     /// The routines that a routine calls, and those that they call.
-    fn reached_from(&self, from: FunctionId) -> BTreeSet<FunctionId> {
+    pub(crate) fn reached_from(&self, from: FunctionId) -> BTreeSet<FunctionId> {
         let (mut reached, mut work) = (BTreeSet::new(), vec![from]);
         while let Some(id) = work.pop() {
             let mut expression = |expression: &Expression| {
@@ -546,14 +546,7 @@ impl Program {
                     work.push(id);
                 }
             };
-            let function = &self.functions[id.0 as usize];
-            let defaults = function.parameters.iter().filter_map(|parameter| parameter.default.as_ref());
-            defaults.for_each(|default| default.each(&mut expression));
-            for statement in &function.body {
-                statement.each(&mut |statement| {
-                    statement.expressions().into_iter().for_each(|part| part.each(&mut expression));
-                });
-            }
+            self.functions[id.0 as usize].each_expression(&mut expression);
         }
         reached
     }
@@ -647,6 +640,17 @@ impl Expression {
             | ExpressionKind::Truth(_)
             | ExpressionKind::Text(_)
             | ExpressionKind::Read(_) => {}
+        }
+    }
+}
+
+impl Function {
+    /// Calls `of` with every expression of its statements and default values, and with all their parts.
+    pub(crate) fn each_expression<'a>(&'a self, of: &mut impl FnMut(&'a Expression)) {
+        let defaults = self.parameters.iter().filter_map(|parameter| parameter.default.as_ref());
+        defaults.for_each(|default| default.each(of));
+        for statement in &self.body {
+            statement.each(&mut |statement| statement.expressions().into_iter().for_each(|part| part.each(of)));
         }
     }
 }

@@ -535,15 +535,13 @@ impl<'a> Runner<'a> {
     /// The possible effects of a routine and of those that it calls.
     fn effects(&self, id: FunctionId) -> Effects {
         let mut effects = Effects::default();
-        let mut seen = BTreeSet::from([id]);
-        let mut work = vec![id];
         let all = || (0..self.program.globals.len() as u32).map(Slot::Global);
         let global = |slot: &Slot| matches!(slot, Slot::Global(_));
-        while let Some(id) = work.pop() {
-            let mut expression = |expression: &Expression| match &expression.kind {
+        for id in self.program.reached_from(id).into_iter().chain([id]) {
+            let function = &self.program.functions[id.0 as usize];
+            function.each_expression(&mut |expression| match &expression.kind {
                 ExpressionKind::Number(_, token) => drop(effects.tokens.insert(*token)),
                 ExpressionKind::Read(slot) if global(slot) => drop(effects.reads.insert(*slot)),
-                ExpressionKind::Call(Callee::Function(id), _) if seen.insert(*id) => work.push(*id),
                 ExpressionKind::Call(Callee::Builtin(builtin), _) => {
                     effects.writes.extend(self.dialect.writes(*builtin));
                 }
@@ -552,27 +550,18 @@ impl<'a> Runner<'a> {
                     effects.reads.extend(all());
                 }
                 _ => {}
-            };
-            let function = &self.program.functions[id.0 as usize];
-            let defaults = function.parameters.iter().filter_map(|parameter| parameter.default.as_ref());
-            defaults.for_each(|default| default.each(&mut expression));
-            let (mut moves, mut writes) = (false, Vec::new());
+            });
             for statement in &function.body {
-                statement.each(&mut |statement| {
-                    statement.expressions().into_iter().for_each(|part| part.each(&mut expression));
-                    match &statement.kind {
-                        StatementKind::Assign { slot, .. } if global(slot) => writes.push(*slot),
-                        StatementKind::Opaque { writes: Some(slots), .. } => {
-                            writes.extend(slots.iter().filter(|slot| global(slot)));
-                        }
-                        StatementKind::Opaque { writes: None, .. } => writes.extend(all()),
-                        StatementKind::Move(_) => moves = true,
-                        _ => {}
+                statement.each(&mut |statement| match &statement.kind {
+                    StatementKind::Assign { slot, .. } if global(slot) => drop(effects.writes.insert(*slot)),
+                    StatementKind::Opaque { writes: Some(slots), .. } => {
+                        effects.writes.extend(slots.iter().filter(|slot| global(slot)));
                     }
+                    StatementKind::Opaque { writes: None, .. } => effects.writes.extend(all()),
+                    StatementKind::Move(_) => effects.moves = true,
+                    _ => {}
                 });
             }
-            effects.moves |= moves;
-            effects.writes.extend(writes);
         }
         effects
     }

@@ -97,8 +97,7 @@ impl Tp {
         if whole(index).is_none() {
             self.registers.clone().for_each(|slot| store.lose(Slot::Global(slot), Reason::Computed));
         } else if let Some(slot) = self.register(index) {
-            let is_concurrent = runs_in_parallel(store);
-            *store.get_mut(slot) = if is_concurrent { Value::unknown(Reason::Thread) } else { value.clone() };
+            *store.get_mut(slot) = alone(value, store);
         }
     }
 
@@ -127,9 +126,7 @@ impl Tp {
         };
         match whole(element) {
             Some(at @ 1..=ELEMENTS) => {
-                let is_concurrent = runs_in_parallel(store);
-                let value = if is_concurrent { Value::unknown(Reason::Thread) } else { value.clone() };
-                *store.get_mut(Slot::Global(all.start + at - 1)) = value;
+                *store.get_mut(Slot::Global(all.start + at - 1)) = alone(value, store);
             }
             // An external axis.
             Some(_) => {}
@@ -182,12 +179,18 @@ fn runs_in_parallel(store: &Store) -> bool {
     !matches!(store.get(Slot::Global(CONCURRENT)).content, Content::Truth(false))
 }
 
-/// The value if it is whole and nothing that runs in parallel may change it; otherwise unknown.
-fn known(value: &Value, is_concurrent: bool) -> Value {
-    match value.content {
-        _ if is_concurrent => Value::unknown(Reason::Thread),
-        Content::Number(number) if !(number.exact && is_whole(number.value)) => Value::unknown(Reason::Rounding),
-        _ => value.clone(),
+/// The value; unknown if something that runs in parallel may change it.
+fn alone(value: &Value, store: &Store) -> Value {
+    if runs_in_parallel(store) { Value::unknown(Reason::Thread) } else { value.clone() }
+}
+
+/// The same for the number of a frame; unknown if it is not whole.
+fn frame_number(value: &Value, store: &Store) -> Value {
+    match alone(value, store) {
+        Value { content: Content::Number(number), .. } if !(number.exact && is_whole(number.value)) => {
+            Value::unknown(Reason::Rounding)
+        }
+        value => value,
     }
 }
 
@@ -237,8 +240,8 @@ impl Dialect for Tp {
             _ => {
                 for (frame, switch) in [Switch::Frame, Switch::Tool].into_iter().enumerate() {
                     if builtin == builtin::SELECT[frame] {
-                        let is_concurrent = runs_in_parallel(store);
-                        store.set(switch, known(&first(), is_concurrent));
+                        let number = frame_number(&first(), store);
+                        store.set(switch, number);
                     } else if builtin == builtin::REDEFINE[frame] {
                         self.redefine(frame, arguments, store);
                     }

@@ -88,11 +88,7 @@ impl<'a> Runner<'a> {
         let of =
             |id: RoutineId| self.symbols.routine(id).statements().into_iter().map(move |statement| (id, statement));
         for (id, statement) in routines.into_iter().flat_map(of).collect::<Vec<_>>() {
-            let started = match &statement.kind {
-                StatementKind::Trigger(started) | StatementKind::Interrupt(started) => started.run.as_ref(),
-                _ => None,
-            };
-            for statement in [statement].into_iter().chain(started) {
+            for statement in statement.with_started() {
                 // A routine may assign what it is lent.
                 for call in statement.calls() {
                     let called = self.symbols.find_routine(id.file, &call.name);

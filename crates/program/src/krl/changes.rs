@@ -100,20 +100,15 @@ impl<'a> Runner<'a> {
     /// interrupt starts it. Returns whether it may also change the variables in its arguments.
     pub(super) fn add_system(&mut self, name: &[u8], starts: bool, changes: &mut Changes) -> bool {
         match system(name) {
-            _ if names::is_frame_function(name) => false,
-            Some(System::Nothing) => false,
-            Some(System::TouchSense) if starts => false,
-            Some(System::Arguments) => true,
+            _ if names::is_frame_function(name) => {}
             Some(System::Data(data)) => {
                 let here = self.here();
                 changes.ids.extend(data.iter().map(|name| self.symbols.find(here, &upper(name.as_bytes()))));
-                false
             }
-            Some(System::TouchSense) | None => {
-                changes.anything = true;
-                true
-            }
+            Some(System::TouchSense) | None => changes.anything |= gives_away(name, starts),
+            Some(System::Nothing | System::Arguments) => {}
         }
+        gives_away(name, starts)
     }
 
     fn collect_statement(&mut self, statement: &'a Statement, scope: &Scope<'_>, changes: &mut Changes) {
@@ -215,13 +210,8 @@ impl<'a> Runner<'a> {
             return false;
         }
         let name = &parameter.name;
-        routine.statements().into_iter().any(|statement| {
-            let started = match &statement.kind {
-                StatementKind::Trigger(started) | StatementKind::Interrupt(started) => started.run.as_ref(),
-                _ => None,
-            };
-            [statement].into_iter().chain(started).any(|statement| self.assigns(id, statement, name, seen))
-        })
+        let mut all = routine.statements().into_iter().flat_map(Statement::with_started);
+        all.any(|statement| self.assigns(id, statement, name, seen))
     }
 
     /// Whether a statement of a routine may assign the variable of a parameter with this name.
@@ -239,15 +229,9 @@ impl<'a> Runner<'a> {
                 let called = self.symbols.find_routine(id.file, &call.name);
                 call.variables().filter(|(_, given)| *given == name).any(|(at, _)| match called {
                     Some(called) => self.assigns_parameter(called, at, seen),
-                    None => call.name[..] != *b"BAS" && self.gives_away(&call.name),
+                    None => call.name[..] != *b"BAS" && gives_away(&call.name, false),
                 })
             })
-    }
-
-    /// Whether a routine of which no file has the text may change the variables in its arguments.
-    fn gives_away(&self, name: &[u8]) -> bool {
-        let keeps = matches!(system(name), Some(System::Nothing | System::Data(_)));
-        !(keeps || names::is_frame_function(name))
     }
 
     /// The program waits until a condition holds: if it does not hold yet, something else changes the data that it names.
@@ -466,5 +450,15 @@ fn is_complete(value: &Value) -> bool {
     match value {
         Value::Array(items) => !items.is_empty() && items.values().all(is_complete),
         value => POSE.iter().all(|name| value.component(name).is_some()),
+    }
+}
+
+/// Whether a routine of which no file has the text may change the variables in its arguments. `starts` as in [`Runner::add_system`].
+fn gives_away(name: &[u8], starts: bool) -> bool {
+    match system(name) {
+        _ if names::is_frame_function(name) => false,
+        Some(System::Nothing | System::Data(_)) => false,
+        Some(System::TouchSense) => !starts,
+        Some(System::Arguments) | None => true,
     }
 }

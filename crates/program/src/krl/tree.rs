@@ -194,6 +194,15 @@ impl Statement {
         matches!(self.kind, StatementKind::Move(_) | StatementKind::Relative(..))
     }
 
+    /// This statement, and the one that it makes run later (TRIGGER, INTERRUPT).
+    pub(super) fn with_started(&self) -> impl Iterator<Item = &Self> {
+        let started = match &self.kind {
+            StatementKind::Trigger(started) | StatementKind::Interrupt(started) => started.run.as_ref(),
+            _ => None,
+        };
+        [self].into_iter().chain(started)
+    }
+
     /// The settings `path = value` that it makes, for itself only (WITH) or from then on.
     pub(super) fn settings(&self) -> &[Setting] {
         match &self.kind {
