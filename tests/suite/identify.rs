@@ -7,7 +7,7 @@ use deflex::measured::{Table, TargetRef};
 use deflex::program::{Program, rapid};
 use deflex::robot::{Joints, Pose};
 use deflex::text::Source;
-use nalgebra::{Rotation3, Translation3};
+use nalgebra::{Rotation3, Translation3, Vector3};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -377,6 +377,36 @@ fn what_is_known_together_is_as_uncertain_as_it_is_together() {
     }
     // 0 and 0.2 mm along one of three axes.
     assert!(least < 1e-6 && (most - 0.2 / 3f64.sqrt()).abs() < 1e-6, "{least} {most}");
+}
+
+/// An instrument that is registered to the part anew for the second turn moves the frame that the first turn found, and nothing else.
+#[test]
+fn a_new_registration_in_a_second_turn_is_no_error_of_the_links() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/blind/designed_white_springs-4000");
+    let text = String::from_utf8(source(&folder.join("cell.toml")).bytes).unwrap();
+    let registered = |d_mm: Vector3<f64>, d_rad: Vector3<f64>| {
+        let mut table = Table::read(&source(&folder.join("measured.csv"))).unwrap();
+        for row in &mut table.rows {
+            let place = Vector3::from(row.position_mm.unwrap());
+            let moved = place + d_mm + d_rad.cross(&place);
+            row.position_mm = Some(moved.into());
+            row.axes_mm = [Some(moved.x), Some(moved.y), Some(moved.z)];
+        }
+        table
+    };
+    let of = |cell: &str, table: Table| {
+        let cell = Cell::read(&Source::new("cell.toml", cell.as_bytes().to_vec())).unwrap();
+        identify(Input { runs: vec![(program(&folder.join("part.mod")), table).into()], ..no_data(&cell) }).unwrap()
+    };
+    let named = |found: &Identification| found.added.iter().map(|added| added.kind.clone()).collect::<Vec<_>>();
+    let advises =
+        |found: &Identification| found.advice.iter().any(|line| line.contains("register the instrument anew"));
+    let first = of(&text, registered(Vector3::new(0.1, -0.08, 0.05), Vector3::new(1e-4, 0.0, -5e-5)));
+    assert!(named(&first).contains(&"work_object_frame".to_owned()) && advises(&first), "{:?}", first.added);
+    let text = extended(&text, &first.extended).unwrap();
+    let second = of(&text, registered(Vector3::new(-0.1, 0.1, -0.1), Vector3::new(-1e-4, 1e-4, 1e-4)));
+    assert_eq!(named(&second), ["work_object_frame"]);
+    assert!(second.after.rms_mm < 1.05 * first.after.rms_mm, "{:?} {:?}", first.after, second.after);
 }
 
 /// A field over the place that no effect describes: nearly half of the error goes, in the cell as it is written too.

@@ -4,6 +4,7 @@ use super::data::Problem;
 use super::decisions::MENTIONED;
 use super::outcome::{Added, Identification, Separation, SetShare, Unexplained};
 use super::pattern::{CLAMP_SLIP, Pattern};
+use deflex_effects::kind;
 
 /// A rival with its d′ on these rows, if it is listed among the pairs.
 fn name_with_distance(effect: &Added, rival: &str, pairs: &[Separation]) -> String {
@@ -46,6 +47,14 @@ pub(super) fn advice(
              about its axis) and under loads that reverse. More points of the same kind do not help",
             effect.kind,
             effect.not_told_apart_from.iter().map(|kind| name_with_distance(effect, kind, pairs)).collect::<Vec<_>>().join(", "),
+        ));
+    }
+    let is_frame = |effect: &&Added| kind(&effect.kind).is_some_and(|kind| kind.like_device_frame);
+    if let Some(effect) = added.iter().find(is_frame).filter(|_| problem.runs.len() == 1) {
+        all.push(format!(
+            "`{}` holds the place of the work object and the registration of the instrument together, because the rows of one run cannot \
+             separate them. If the registration may be off, register the instrument anew, and give both runs",
+            effect.kind
         ));
     }
     if unexplained.significant {

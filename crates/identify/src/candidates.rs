@@ -36,7 +36,9 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
         // The frame of the device is fitted in any case, and the frame of the work object looks the same.
         let like_device = kind(effect.kind()).is_some_and(|kind| kind.like_device_frame);
         if !(effect.parameters().is_empty() || problem.is_of_robot() && like_device) {
-            let covariance = covariances.get(slot).and_then(Option::as_ref);
+            // The instrument is registered to the part anew for every measurement, and the part may have been clamped
+            // anew. So the covariance of the frame from an earlier measurement says nothing about the frame of this one.
+            let covariance = covariances.get(slot).and_then(Option::as_ref).filter(|_| !like_device);
             found.push(Candidate::new(effect.as_ref(), Home::Declared(slot), 1.0).known_to(covariance));
         }
     }
