@@ -187,7 +187,8 @@ pub(super) fn places(
     let mut place: Places = [None; COLUMNS.len()];
     let mut unknown = Vec::new();
     let missing = |column: &&str| !names.contains(column);
-    for (at, &name) in names.iter().enumerate() {
+    // A column without a name is what a separator at the end of the header makes.
+    for (at, &name) in names.iter().enumerate().filter(|(_, name)| !name.is_empty()) {
         let column = match given {
             Some(given) => given.column(name, names),
             None => known(name).ok(),
@@ -201,7 +202,7 @@ pub(super) fn places(
             (None, _) if given.is_some() => {}
             (None, What::Forces) => {
                 let wanted = FORCE_COLUMNS.map(|column| COLUMNS[column]).into_iter().filter(missing);
-                if let Some(near) = meant(name, wanted).filter(|_| !name.is_empty()) {
+                if let Some(near) = meant(name, wanted) {
                     let help = format!("did you mean `{near}`?");
                     errors.push(wrong(at, format!("unknown column `{name}`"), help));
                 }

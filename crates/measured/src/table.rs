@@ -189,6 +189,8 @@ pub struct Rows<R> {
     separator: u8,
     /// Number of columns of the header.
     columns: usize,
+    /// Number of columns up to the last one with a name.
+    named: usize,
     decimal: Decimal,
     clock: Clock,
     wrong: usize,
@@ -277,12 +279,20 @@ impl<R: Read> Rows<R> {
             place,
             separator,
             columns: names.len(),
+            named: names.iter().rposition(|name| !name.is_empty()).map_or(0, |last| last + 1),
             decimal: Decimal::default(),
             clock: Clock::default(),
             wrong: 0,
             before,
             notes,
         })
+    }
+
+    /// Whether a row has the columns of the header, except for separators at the end of the line: spreadsheets write them
+    /// in the rows or in the header alone.
+    fn has_columns_of_header(&self, record: &csv::ByteRecord) -> bool {
+        let more = record.iter().skip(self.columns).all(|cell| cell.trim_ascii().is_empty());
+        (self.named..=self.columns).contains(&record.len()) || record.len() > self.columns && more
     }
 
     /// The line of the file in which the record that was read last begins.
@@ -310,7 +320,7 @@ impl<R: Read> Iterator for Rows<R> {
             }
         };
         let line = self.line_of(&record);
-        let row = if record.len() == self.columns {
+        let row = if self.has_columns_of_header(&record) {
             Cells { record: &record, place: &self.place, decimal: &self.decimal, clock: &self.clock }.row(line)
         } else {
             let message = format!("the row has {} columns, and the header has {}", record.len(), self.columns);
@@ -323,6 +333,9 @@ impl<R: Read> Iterator for Rows<R> {
         }))
     }
 }
+
+/// Words for a number that is missing, as data frames, spreadsheets and the software of trackers write them.
+const NO_VALUE: [&str; 6] = ["nan", "n/a", "na", "#n/a", "null", "-"];
 
 struct Cells<'a> {
     record: &'a csv::ByteRecord,
@@ -350,8 +363,13 @@ impl Cells<'_> {
         (!text.is_empty()).then(|| String::from_utf8_lossy(text).into_owned())
     }
 
+    /// The text of a column of numbers; `None` if it is empty, or says that there is no value.
+    fn number_text(&self, column: usize) -> Option<String> {
+        self.text(column).filter(|text| !NO_VALUE.iter().any(|word| text.eq_ignore_ascii_case(word)))
+    }
+
     fn number(&self, column: usize) -> Result<Option<f64>, CellError> {
-        let Some(text) = self.text(column) else { return Ok(None) };
+        let Some(text) = self.number_text(column) else { return Ok(None) };
         let number = self.decimal.number(&text).map_err(|message| {
             self.error(column, format!("{}: {message}", COLUMNS[column]), "write all numbers of a file alike")
         })?;
@@ -373,7 +391,7 @@ impl Cells<'_> {
     /// A time in seconds, a time of day, or a date with one.
     fn time(&self) -> Result<Option<f64>, CellError> {
         const COLUMN: usize = 19;
-        let Some(text) = self.text(COLUMN) else { return Ok(None) };
+        let Some(text) = self.number_text(COLUMN) else { return Ok(None) };
         let clock = self.clock.time(&text);
         let seconds = match clock {
             Some(time) => time.map(Some),
@@ -536,10 +554,19 @@ mod tests {
     }
 
     #[test]
+    fn words_for_no_value_and_separators_at_the_end_of_a_line_are_no_cells() {
+        let table = read("target;x_mm;y_mm;z_mm;time_s;\n1;NaN;1,5;#N/A;-\n2;1;2;3;7;\n3;1;2;3;8;;\n").unwrap();
+        assert_eq!((table.rows[0].axes_mm, table.rows[0].time_s), ([None, Some(1.5), None], None));
+        assert_eq!(table.rows.iter().map(|row| row.time_s).collect::<Vec<_>>(), [None, Some(7.0), Some(8.0)]);
+        let more = &read("target;x_mm;\n1;2;3\n4;5;6;7\n").unwrap_err()[0];
+        assert_eq!((more.line, more.message.as_str()), (3, "the row has 4 columns, and the header has 3"));
+    }
+
+    #[test]
     fn lines_are_those_of_the_file_whatever_ends_them() {
         for end in ["\n", "\r\n", "\r"] {
-            let text = ["target,x_mm,y_mm,z_mm", "1,1,2,3", "", "2,1,2,3", "3,nan,2,3"].join(end);
-            let rows = read(&text.replace("nan", "1")).unwrap().rows;
+            let text = ["target,x_mm,y_mm,z_mm", "1,1,2,3", "", "2,1,2,3", "3,inf,2,3"].join(end);
+            let rows = read(&text.replace("inf", "1")).unwrap().rows;
             assert_eq!(rows.iter().map(|row| row.line).collect::<Vec<_>>(), [2, 4, 5], "{end:?}");
             assert_eq!(read(&text).unwrap_err()[0].line, 5, "{end:?}");
             assert_eq!(read(&(text + "," + end)).unwrap_err()[0].line, 5, "{end:?}");
@@ -596,9 +623,9 @@ mod tests {
         let unknown = &read("target,x_m\n1,2\n").unwrap_err()[0];
         assert_eq!((unknown.line, unknown.column), (1, 8));
         assert_eq!(unknown.help.as_deref(), Some("did you mean `x_mm`?"));
-        let nan = &read("target,x_mm,y_mm,z_mm\n1,1,2,3\n2, nan,2,3\n").unwrap_err()[0];
-        assert_eq!((nan.line, nan.column, nan.message.as_str()), (3, 3, "x_mm is `nan`"));
-        assert_eq!(nan.snippet, Some(("2, nan,2,3".to_owned(), 2..6)));
+        let none = &read("target,x_mm,y_mm,z_mm\n1,1,2,3\n2, inf,2,3\n").unwrap_err()[0];
+        assert_eq!((none.line, none.column, none.message.as_str()), (3, 3, "x_mm is `inf`"));
+        assert_eq!(none.snippet, Some(("2, inf,2,3".to_owned(), 2..6)));
         let quoted = &read("run,target,x_mm\n\"a,b\",1,x\n").unwrap_err()[0];
         assert_eq!((quoted.line, quoted.column), (2, 9));
         let ragged = &read("target,x_mm\n1\n2,3\n3,4,5\n").unwrap_err();
