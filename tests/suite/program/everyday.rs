@@ -281,6 +281,19 @@ fn the_override_scales_the_feed() {
     assert_eq!(feeds("! none"), [Some(10.0), Some(20.0)]);
     assert_eq!(feeds("OVERRIDE=50%"), [Some(5.0), Some(10.0)]);
     assert_eq!(feeds("OVERRIDE=R[2]"), [Some(2.0), Some(4.0)]);
+    // A cycle begins with the override that the one before left.
+    let begins = |last: &str| {
+        let text = format!(
+            "/PROG M\n/MN\n1:L P[1] 10mm/sec FINE ;\n2:OVERRIDE=50% ;\n3:L P[1] 10mm/sec FINE ;\n{last}/POS\nP[1]{{ GP1: UF : 1, UT : 1, CONFIG : 'N U T, 0, 0, 0', X = 10.000 mm, Y = 0.000 mm, Z = 0.000 mm, W = 0.000 deg, P = 0.000 deg, R = 0.000 deg }};\n/END\n"
+        );
+        tp::read(vec![Source::new("m.ls", text)], Vec::new()).unwrap().targets[0].feed_mm_s
+    };
+    assert_eq!(begins("4:OVERRIDE=100% ;\n"), Some(10.0));
+    for changed in
+        ["", "4:IF DI[1]=ON,OVERRIDE=100% ;\n", "4:IF DI[1]=ON,JMP LBL[1] ;\n5:OVERRIDE=100% ;\n6:LBL[1] ;\n"]
+    {
+        assert_eq!(begins(changed), None, "{changed}");
+    }
     // Known only at run time.
     for unknown in ["OVERRIDE=R[3]", "IF DI[1]=ON,OVERRIDE=50%", "$MCR.$GENOVERRIDE=50"] {
         assert_eq!(feeds(unknown), [None, None], "{unknown}");

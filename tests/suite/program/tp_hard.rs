@@ -1,7 +1,7 @@
 //! TP programs that are easily got wrong, each by the meaning that FANUC's R-30iB Operator's Manual (Basic Operation) gives its
 //! statements: which positions may be edited, and why the others are kept.
 
-use deflex::program::{Editable, Goal, Motion, Program, Role, tp};
+use deflex::program::{Editable, Goal, Motion, Predecessor, Program, Role, tp};
 use deflex::text::Source;
 
 /// A program and what is right.
@@ -682,6 +682,37 @@ fn a_called_program_may_count_from_where_the_robot_stands() {
             program.targets.iter().filter(|t| t.editable == Editable::Pose).map(|t| t.ordinal).collect();
         assert_eq!(free, edited, "{call}: {:?}", program.kept);
     }
+}
+
+/// An increment after a call counts from where the called program ends, and the first motion of a called program comes from where its
+/// caller stands.
+#[test]
+fn a_caller_counts_from_where_the_called_program_ends() {
+    let caller = |statements: &str| format!("/PROG  OUTER\n/ATTR\n/MN\n{statements}/POS\n/END\n");
+    let nested = "/PROG  OTHER\n/ATTR\n/MN\n   1:  CALL M ;\n/POS\n/END\n";
+    let inc = "L P[9] 10mm/sec FINE INC";
+    for (calls, edited) in [
+        (format!("   1:CALL M ;\n   2:R[1]=2 ;\n   3:{inc} ;\n"), &[1_u32][..]),
+        (format!("   1:IF DI[1]=ON,CALL M ;\n   2:{inc} ;\n"), &[1]),
+        (format!("   1:CALL OTHER ;\n   2:{inc} ;\n"), &[1]),
+        (format!("   1:LBL[1] ;\n   2:{inc} ;\n   3:CALL M ;\n   4:JMP LBL[1] ;\n"), &[1]),
+        (format!("   1:CALL M ;\n   2:L P[8] 10mm/sec FINE ;\n   3:{inc} ;\n"), &[1, 2]),
+        (format!("   1:{inc} ;\n   2:CALL M ;\n"), &[1, 2]),
+    ] {
+        let program = read(
+            &Hard { what: "called", statements: "L P[1] 10mm/sec FINE\nL P[2] 10mm/sec FINE", ..PLAIN },
+            &[&caller(&calls), nested],
+        );
+        let free: Vec<u32> =
+            program.targets.iter().filter(|t| t.editable == Editable::Pose).map(|t| t.ordinal).collect();
+        assert_eq!(free, edited, "{calls}: {:?}", program.kept);
+        assert_eq!(program.targets[0].predecessor, Predecessor::Unknown);
+    }
+    // The next cycle counts from where this one ends.
+    let statements = "L P[9] 10mm/sec FINE INC\nL P[1] 10mm/sec FINE\nL P[2] 10mm/sec FINE";
+    let program = read(&Hard { what: "two cycles", statements, ..PLAIN }, &[]);
+    let free: Vec<u32> = program.targets.iter().filter(|t| t.editable == Editable::Pose).map(|t| t.ordinal).collect();
+    assert_eq!(free, [2]);
 }
 
 /// A call that runs some time before or after a point does not change the options that follow it.

@@ -8,12 +8,69 @@ use super::statement::{self, StatementKind};
 use std::collections::{BTreeMap, BTreeSet};
 
 impl Calls {
-    /// Reads the texts of programs.
+    /// Reads the texts of programs, of which the first is the one that will be lowered.
     #[must_use]
     pub fn new<'a>(sources: impl IntoIterator<Item = &'a [u8]>) -> Self {
-        let own: BTreeMap<String, Own> = sources.into_iter().filter_map(one).collect();
-        Self { given: own.keys().map(|name| (name.clone(), closure(name, &own))).collect() }
+        let mut sources = sources.into_iter().peekable();
+        let first = sources.peek().and_then(|bytes| name_of(bytes));
+        let all: Vec<&[u8]> = sources.collect();
+        let own: BTreeMap<String, Own> = all.iter().copied().filter_map(one).collect();
+        let given = own.keys().map(|name| (name.clone(), closure(name, &own))).collect();
+        let mut calls = Self { given, ..Self::default() };
+        if let Some(first) = first {
+            calls.find_callers(&all, &own, &first);
+            // The next cycle may begin where this one ends.
+            calls.is_counted_from |= own.get(&first).is_some_and(|own| own.effects.contains(&Effect::Counts));
+        }
+        calls
     }
+
+    /// Finds how the other programs use the first one.
+    fn find_callers(&mut self, all: &[&[u8]], own: &BTreeMap<String, Own>, first: &str) {
+        let begins = |name: &[u8]| name.is_empty() || reached(&upper(name), own).contains(first);
+        for bytes in all.iter().filter(|bytes| name_of(bytes).is_some_and(|name| name != first)) {
+            let Some(lines) = sections(bytes).statements.map(|at| statements(bytes, at)) else { continue };
+            let kinds: Vec<StatementKind<'_>> = lines.iter().map(statement::kind).collect();
+            for (at, kind) in kinds.iter().enumerate() {
+                if statement::runs(kind).into_iter().any(begins) {
+                    self.is_called = true;
+                    self.is_counted_from |= self.may_count_after(&kinds, at);
+                }
+            }
+        }
+    }
+
+    /// Whether the next motion after a statement may be one that moves relative to where the arm stands.
+    fn may_count_after(&self, kinds: &[StatementKind<'_>], at: usize) -> bool {
+        let counts = |kind: &StatementKind<'_>| match kind {
+            StatementKind::Motion(motion) => motion.counts_on(),
+            kind => self.of_statement(kind).contains(&Effect::Counts),
+        };
+        for kind in &kinds[at + 1..] {
+            match kind {
+                kind if counts(kind) => return true,
+                StatementKind::Motion(_) | StatementKind::End => return false,
+                // After these, the next statement is not always the one that follows in the text.
+                StatementKind::Jump(_)
+                | StatementKind::If(_)
+                | StatementKind::Else
+                | StatementKind::EndFor
+                | StatementKind::When(_)
+                | StatementKind::SelectCase(..)
+                | StatementKind::For(..)
+                | StatementKind::Wait(_, Some(_))
+                | StatementKind::Macro
+                | StatementKind::Unknown => return kinds.iter().any(counts),
+                _ => {}
+            }
+        }
+        false
+    }
+}
+
+/// The name of a program, in upper case.
+fn name_of(bytes: &[u8]) -> Option<String> {
+    sections(bytes).name.map(|name| upper(&bytes[name.range()]))
 }
 
 /// The effects of a program itself, and the programs that it calls.
@@ -23,25 +80,27 @@ struct Own {
     calls: BTreeSet<String>,
 }
 
-/// The effects of a program with all programs that it calls, directly or not.
-fn closure(name: &str, own: &BTreeMap<String, Own>) -> Effects {
-    let (mut all, mut seen, mut open) = (Effects::new(), BTreeSet::new(), vec![name]);
+/// A program and all programs that it calls, directly or not, also those that are not given. A call with a name that is known only at run
+/// time, which is the empty one, may be of any program.
+fn reached<'a>(name: &'a str, own: &'a BTreeMap<String, Own>) -> BTreeSet<&'a str> {
+    let (mut seen, mut open) = (BTreeSet::new(), vec![name]);
     while let Some(name) = open.pop() {
+        if !seen.insert(name) {
+            continue;
+        }
         match own.get(name) {
-            Some(program) if seen.insert(name) => {
-                all.extend(&program.effects);
-                open.extend(program.calls.iter().map(String::as_str));
-            }
-            Some(_) => {}
-            None => {
-                all.extend(NOT_GIVEN);
-                if name.is_empty() && seen.insert(name) {
-                    open.extend(own.keys().map(String::as_str));
-                }
-            }
+            Some(program) => open.extend(program.calls.iter().map(String::as_str)),
+            None if name.is_empty() => open.extend(own.keys().map(String::as_str)),
+            None => {}
         }
     }
-    all
+    seen
+}
+
+/// The effects of a program with all programs that it calls, directly or not.
+fn closure(name: &str, own: &BTreeMap<String, Own>) -> Effects {
+    let of = |name| own.get(name).map_or_else(|| NOT_GIVEN.into(), |program| program.effects.clone());
+    reached(name, own).into_iter().flat_map(of).collect()
 }
 
 /// The effects of the statements of a program.

@@ -54,6 +54,10 @@ pub(super) const NOT_GIVEN: [Effect; 5] = [
 #[derive(Clone, Debug, Default)]
 pub struct Calls {
     pub(super) given: BTreeMap<String, Effects>,
+    /// Whether another program may call the first one.
+    pub(super) is_called: bool,
+    /// Whether something may, after the first one has ended, move relative to where the arm stands: another program, or its next cycle.
+    pub(super) is_counted_from: bool,
 }
 
 impl Calls {

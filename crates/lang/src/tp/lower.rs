@@ -192,7 +192,7 @@ impl<'a> Lowering<'a> {
         Self {
             code,
             calls,
-            counts: calls.may_count() || code.kinds.iter().any(counts_on),
+            counts: calls.is_counted_from || calls.may_count() || code.kinds.iter().any(counts_on),
             axes: (calls.given.values().flatten().copied())
                 .chain(code.kinds.iter().flat_map(effects::effects))
                 .filter_map(|effect| if let Effect::Axes(register) = effect { Some(register) } else { None })
@@ -222,8 +222,8 @@ impl<'a> Lowering<'a> {
             }
             kinds.into_iter().for_each(|kind| put(at, kind));
         }
+        self.ends().into_iter().for_each(|kind| put(count, kind));
         if self.goes_anywhere {
-            put(count, StatementKind::Return(None));
             put(count, StatementKind::Label(ANYWHERE.into()));
             for at in 0..count {
                 let condition = Some(Expression::unknown(Reason::Input, Vec::new(), place(at)));
@@ -256,7 +256,7 @@ impl<'a> Lowering<'a> {
         let mut begins = vec![
             (Switch::Frame.slot(), unknown(Reason::FrameSelected)),
             (Switch::Tool.slot(), unknown(Reason::ToolSelected)),
-            (Slot::Global(OVERRIDE), self.override_of(Expression::constant(100.0))),
+            (Slot::Global(OVERRIDE), self.override_of(self.override_left())),
         ];
         let slots = [CONCURRENT, ANY[0], ANY[1]].into_iter().chain(FRAMES..register);
         let is_set = |slot| {
@@ -269,7 +269,9 @@ impl<'a> Lowering<'a> {
             begins.push((Slot::Global(POSITIONS), table(positions)));
             begins.push((Slot::Global(STANDS), stands));
         }
-        let begins = begins.into_iter().map(|(slot, value)| assign(slot, value));
+        // A caller has moved the arm.
+        let elsewhere = self.calls.is_called.then(|| self.does(builtin::ELSEWHERE, Vec::new()));
+        let begins = begins.into_iter().map(|(slot, value)| assign(slot, value)).chain(elsewhere);
         let body = begins.map(|kind| Statement { kind, place: SourceSpan::default() }).chain(all).collect();
         let functions = vec![Function { name: "/MN".into(), body, ..Function::default() }];
         let globals = (0..tp.elements.end).map(|slot| name(slot as usize)).collect();
@@ -359,7 +361,7 @@ impl<'a> Lowering<'a> {
             }
             // A program that runs in parallel does not move the arm.
             Written::Concurrent(_) => self.effects(without(self.calls.of_statement(kind), &[Effect::Moves])),
-            Written::End => vec![StatementKind::Return(None)],
+            Written::End => self.ends(),
             Written::Unknown => {
                 let mut kinds = self.effects(without(self.calls.of_statement(kind), &[Effect::Moves]));
                 kinds.push(self.anywhere());
@@ -381,6 +383,27 @@ impl<'a> Lowering<'a> {
         let effects = || self.code.kinds.iter().flat_map(|kind| self.calls.of_statement(kind));
         let is_set = self.calls.given.values().any(|effects| effects.contains(&Effect::Override));
         if is_set && effects().any(|effect| effect == Effect::Concurrent) { self.unknown() } else { percent }
+    }
+
+    /// The speed override with which a cycle begins: 100 % in the first one, and then what the cycle before has left.
+    fn override_left(&self) -> Expression {
+        let kinds = &self.code.kinds;
+        let sets = |kind: &Written<'_>| self.calls.of_statement(kind).contains(&Effect::Override);
+        let Some(last) = kinds.iter().rposition(sets) else { return Expression::constant(100.0) };
+        // Whether each cycle executes the last of these statements.
+        let is_passed = kinds[last + 1..].iter().all(|kind| !matches!(kind, Written::Label(_)))
+            && kinds[..last].iter().all(|kind| match kind {
+                Written::When(_) | Written::SelectCase(..) | Written::Case(_) | Written::ElseCase(_) => {
+                    statement::guarded_by(kind).is_none_or(|guarded| guarded != Written::End)
+                }
+                Written::End | Written::Unknown => false,
+                _ => true,
+            })
+            && self.code.partner.iter().all(|(from, to)| !(from.min(to)..from.max(to)).contains(&&last));
+        match &kinds[last] {
+            Written::Override(b"100") if is_passed => Expression::constant(100.0),
+            _ => self.unknown(),
+        }
     }
 
     /// Whether a position register may have axis angles.
@@ -554,12 +577,21 @@ impl<'a> Lowering<'a> {
                 Effect::Displace(why) => assign(Switch::Shift.slot(), Expression::unknown(why, Vec::new(), self.place)),
                 Effect::Concurrent => self.does(builtin::CONCURRENT, Vec::new()),
                 Effect::Moves => self.does(builtin::ELSEWHERE, Vec::new()),
-                Effect::Counts => {
-                    StatementKind::Evaluate(Expression::unknown(Reason::Input, vec![self.read(STANDS)], self.place))
-                }
+                Effect::Counts => self.counted_from(),
             })
         };
         effects.into_iter().filter_map(lower).collect()
+    }
+
+    /// Something counts from where the arm stands.
+    fn counted_from(&self) -> StatementKind {
+        StatementKind::Evaluate(Expression::unknown(Reason::Input, vec![self.read(STANDS)], self.place))
+    }
+
+    /// The end of the program.
+    fn ends(&self) -> Vec<StatementKind> {
+        let counted = self.calls.is_counted_from.then(|| self.counted_from());
+        counted.into_iter().chain([StatementKind::Return(None)]).collect()
     }
 
     fn does(&self, builtin: u16, arguments: Vec<Expression>) -> StatementKind {

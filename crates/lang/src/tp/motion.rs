@@ -152,8 +152,13 @@ fn point(input: &[u8]) -> Parsed<'_, Point<'_>> {
 const INCH: f64 = 25.4;
 const MINUTE: f64 = 60.0;
 
-/// `500mm/sec`, `R[1]cm/min`, `100%`, `max_speed`: the speed, if it is a path speed.
+/// `500mm/sec`, `R[1]cm/min`, `100%`, `max_speed`: the speed, if it is a path speed with a number.
 fn speed(input: &[u8]) -> Parsed<'_, Option<Speed<'_>>> {
+    let named = alt((tag_no_case("MAX_SPEED"), tag_no_case("WELD_SPEED")));
+    alt((map(spaced(named), |_| None), counted_speed)).parse(input)
+}
+
+fn counted_speed(input: &[u8]) -> Parsed<'_, Option<Speed<'_>>> {
     let number = map(number_token, |token| value_of(token).map(Speed::Number));
     let register = map(recognize((word, brackets)), |text| Some(Speed::Register { text, unit_mm_s: 1.0 }));
     let (rest, speed) = spaced(alt((number, register))).parse(input)?;
@@ -325,7 +330,7 @@ pub struct Lasting<'a> {
 
 /// Options for the end of a motion, and options that apply along its whole path.
 const ENDS: [&[u8]; 5] = [b"FINE", b"FEIN", b"CNT", b"CR", b"CD"];
-const LASTS: [&[u8]; 6] = [b"ACC", b"WJNT", b"PTH", b"MAX_SPEED", b"WELD_SPEED", b"COORD"];
+const LASTS: [&[u8]; 4] = [b"ACC", b"WJNT", b"PTH", b"COORD"];
 
 /// The parts of a whole statement, with its number, that a motion to an inserted point would take over.
 ///
@@ -337,6 +342,7 @@ const LASTS: [&[u8]; 6] = [b"ACC", b"WJNT", b"PTH", b"MAX_SPEED", b"WELD_SPEED",
 /// let text = b"1:L P[1] 10mm/sec FINE";
 /// let lasting = deflex_lang::tp::lasting(text).unwrap();
 /// assert_eq!(&text[lasting.points[0].clone()], b"P[1]");
+/// assert_eq!(deflex_lang::tp::lasting(b"1:L P[1] max_speed FINE").unwrap().speed, b"max_speed");
 /// ```
 pub fn lasting(text: &[u8]) -> Result<Lasting<'_>, Reason> {
     let place = |rest: &[u8]| text.len() - rest.len();
