@@ -206,7 +206,9 @@ fn routines_take_copies_and_give_back() {
     let body = "FRAME f\nf={X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\ngo(f, 5.0)\nLIN f\nEND\nDEF go(p:OUT, d:IN)\nLIN p\np.Z = p.Z + d\n";
     let p = program(body);
     assert_eq!(positions(&p), [[1.0, 2.0, 3.0], [1.0, 2.0, 8.0]]);
-    assert!(p.targets.iter().all(|t| matches!(t.editable, Editable::No(_))));
+    // Both positions depend on the same numbers, and move together.
+    assert!(p.targets.iter().all(|t| t.editable == Editable::Pose));
+    assert!(moved(&p, 0.5)[0].contains("f={X 1.500,Y 2.500,Z 3.500,") && moved(&p, 0.5)[0].contains("go(f, 5.0)"));
 }
 
 #[test]
@@ -877,4 +879,76 @@ fn what_a_global_routine_without_a_caller_calls_is_kept() {
     assert_eq!(kept(&format!("GLOBAL {service}")), Editable::No(Reason::RunsAtAnyMoment));
     // Without GLOBAL no other file can call it.
     assert_eq!(kept(service), Editable::Pose);
+}
+
+#[test]
+fn an_approach_above_a_point_goes_along_with_it() {
+    let p = program(
+        "DECL E6POS XT\n$BASE=BASE_DATA[2]\n$TOOL=TOOL_DATA[1]\n$VEL.CP=0.02\nXP={X 10.0,Y 5.0,Z 3.0,A 0.0,B 0.0,C 180.0}\n\
+         XT=XP\nXT.Z=XT.Z+50-0.5\nLIN XT\nLIN XP\nXT=XP\nXT.Z=XP.Z*2\nXT.X=40.0-XP.X\nLIN XT",
+    );
+    assert_eq!(positions(&p), [[10.0, 5.0, 52.5], [10.0, 5.0, 3.0], [30.0, 5.0, 6.0]]);
+    let editable: Vec<_> = p.targets.iter().map(|target| target.editable).collect();
+    let held = Editable::No(Reason::ReadByOthers);
+    // The last position is no sum of a number in the text and an offset.
+    assert!(editable.iter().all(|editable| *editable == held), "{editable:?}");
+    let p = program(
+        "DECL E6POS XT\n$BASE=BASE_DATA[2]\n$TOOL=TOOL_DATA[1]\n$VEL.CP=0.02\nXP={X 10.0,Y 5.0,Z 3.0,A 0.0,B 0.0,C 180.0}\n\
+         XT=XP\nXT.Z=XT.Z+50-0.5\nLIN XT\nLIN XP",
+    );
+    assert!(p.targets.iter().all(|target| target.editable == Editable::Pose), "{:?}", p.kept);
+    let change = |position_mm| Some(Change { position_mm, quat: None, conf: None, external: None });
+    let changes = [change([10.25, 5.0, 52.0]), change([10.25, 5.0, 3.5])];
+    let air = RewriteOptions { air: &[true, false], ..RewriteOptions::default() };
+    let rewritten = p.rewrite(&changes, &[], &air);
+    assert_eq!((rewritten.written[0].0, rewritten.written[1].0), ([10.25, 5.0, 53.0], [10.25, 5.0, 3.5]));
+    assert_eq!((&rewritten.along[..], rewritten.kept.len()), (&[0][..], 0));
+    let text = String::from_utf8(applied(&p.sources[0].bytes, &rewritten.edits[0])).unwrap();
+    assert!(text.contains("XP={X 10.250,Y 5.0,Z 3.500,") && text.contains("XT.Z+50-0.5"), "{text}");
+    // Two cuts at different offsets from one number need the same correction.
+    let same = p.rewrite(&[change([10.0, 5.0, 52.75]), change([10.0, 5.0, 3.25])], &[], &RewriteOptions::default());
+    assert_eq!((same.kept.len(), same.written[0].0), (0, [10.0, 5.0, 52.75]));
+    let other = p.rewrite(&[change([10.0, 5.0, 52.75]), change([10.0, 5.0, 3.5])], &[], &RewriteOptions::default());
+    assert_eq!(other.kept.iter().map(|kept| kept.1).collect::<Vec<_>>(), [Reason::SharedNumbers; 2]);
+}
+
+#[test]
+fn a_position_that_the_controller_reads_does_not_use_external_axes() {
+    let text = |axis: &str| {
+        format!(
+            "DEF a()\nGLOBAL INTERRUPT DECL 3 WHEN $IN[1]==TRUE DO found()\n$BASE=BASE_DATA[2]\n$TOOL=TOOL_DATA[1]\n$VEL.CP=0.02\n\
+             LIN XF\nLIN XP\nEND\nDEF found()\nXF=$POS_INT\nEND\n\
+             DEFDAT a\nDECL E6POS XF={{X 1.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0,E1 {axis}}}\n\
+             DECL E6POS XP={{X 2.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0,E1 0.0}}\nENDDAT\n"
+        )
+    };
+    let at_rest = |axis: &str| {
+        let p = program_of(&[("a.src", &text(axis))], &[]);
+        p.targets.last().unwrap().external.as_ref().unwrap().at_rest[0]
+    };
+    assert!(at_rest("0.0") && !at_rest("5.0") && !at_rest("rTurn"));
+}
+
+#[test]
+fn the_next_cycle_begins_with_the_override_that_this_one_left() {
+    let feeds = |first: &str, last: &str| {
+        let p = program(&format!(
+            "$BASE=BASE_DATA[2]\n$TOOL=TOOL_DATA[1]\n$VEL.CP=0.02\n{first}\nLIN {{X 1.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}}\n{last}"
+        ));
+        p.targets[0].feed_mm_s
+    };
+    assert_eq!(
+        (feeds("", ""), feeds("", "$OV_PRO=100"), feeds("", "BAS(#OV_PRO,100)")),
+        (Some(20.0), Some(20.0), Some(20.0))
+    );
+    assert_eq!((feeds("", "$OV_PRO=50"), feeds("", "BAS(#OV_PRO,50)")), (None, None));
+    assert_eq!(feeds("$OV_PRO=50", "$OV_PRO=10"), Some(10.0));
+}
+
+#[test]
+fn a_position_that_takes_components_from_a_relative_motion_holds_the_one_before() {
+    let p = program(
+        "$BASE=BASE_DATA[2]\n$TOOL=TOOL_DATA[1]\nLIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 180.0}\nLIN_REL {Y 20}\nLIN {Y 60,A 0,B 0,C 180}",
+    );
+    assert_eq!(p.targets[0].editable, Editable::No(Reason::ReadByOthers));
 }

@@ -5,7 +5,9 @@ use super::expression::{Call, Expression, PathStep, Setting};
 use super::names;
 use super::run::{MAX_CALLS, Runner};
 use super::state::Changes;
-use super::symbols::{APPROXIMATION, BASE, BASE_NAME, Id, POSITION, RoutineId, STANDS, Symbols, TOOL, TOOL_NAME};
+use super::symbols::{
+    APPROXIMATION, BASE, BASE_NAME, Id, OVERRIDE, POSITION, RoutineId, STANDS, Symbols, TOOL, TOOL_NAME,
+};
 use super::tree::{Param, Started, Statement, StatementKind};
 use super::value::{Name, Value};
 use crate::Reason;
@@ -58,6 +60,9 @@ impl<'a> Runner<'a> {
         for id in self.symbols.all().filter(|id| !self.symbols.is_bas(id.file)).collect::<Vec<_>>() {
             self.changes_of(id, &mut changes);
         }
+        if changes.ids.contains(&OVERRIDE) && self.sets_another_override() {
+            self.symbols.start[OVERRIDE] = Value::unknown(Reason::LastRun);
+        }
         let lasts = |id: &Id| !Symbols::is_own_state(*id);
         let changed: Vec<Id> = changes.all_ids().filter(lasts).collect();
         let (tables, wholes): (Vec<Id>, Vec<Id>) = changed.into_iter().partition(|id| self.symbols.is_table(*id));
@@ -79,6 +84,30 @@ impl<'a> Runner<'a> {
         for (id, component) in parts {
             self.symbols.start[id].forget_component(&component, Reason::LastRun);
         }
+    }
+
+    /// Whether the program sets `$OV_PRO` to anything other than 100 %, with which the first cycle begins.
+    fn sets_another_override(&self) -> bool {
+        let is_full = |value: &Expression| matches!(value, Expression::Known(value) if value.number() == Some(100.0));
+        self.symbols.all().filter(|id| !self.symbols.is_bas(id.file)).any(|id| {
+            let mut all = self.symbols.routine(id).statements().into_iter().flat_map(Statement::with_started);
+            all.any(|statement| {
+                let assigned = match &statement.kind {
+                    StatementKind::Assign(setting) => {
+                        Some(setting).filter(|setting| setting.to.name[..] == *b"$OV_PRO")
+                    }
+                    _ => None,
+                };
+                let called = statement.calls().into_iter().filter(|call| call.name[..] == *b"BAS");
+                let mut called = called.filter_map(|call| match &call.arguments[..] {
+                    [Some(Expression::Known(Value::Constant(command))), rest @ ..] if **command == *b"OV_PRO" => {
+                        Some(matches!(rest, [Some(percent)] if is_full(percent)))
+                    }
+                    _ => None,
+                });
+                assigned.is_some_and(|setting| !is_full(&setting.value)) || called.any(|is_full| !is_full)
+            })
+        })
     }
 
     /// The elements of each of the controller's tables that the program assigns; `None` if it may assign any.

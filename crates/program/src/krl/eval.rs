@@ -4,7 +4,7 @@ use super::expression::{Expression, Operator, Path, PathStep};
 use super::names;
 use super::run::Runner;
 use super::symbols::Id;
-use super::value::{Name, REST, Selector, Value, chained, flat};
+use super::value::{Literal, Name, REST, Selector, Value, chained, flat};
 use crate::Reason;
 use deflex_lang::ir::Binary;
 use deflex_lang::run::binary;
@@ -77,9 +77,15 @@ impl<'a> Runner<'a> {
             }
             Expression::Chain(first, rest) => {
                 let mut is_real = self.is_real(first);
-                rest.iter().fold(self.evaluate(first), |value, (operator, other)| {
+                rest.iter().fold(self.expression(first), |value, (operator, other)| {
                     is_real |= self.is_real(other);
-                    let other = self.evaluate(other);
+                    let other = self.expression(other);
+                    if let Some(sum) = sum(*operator, &value, &other) {
+                        self.pin(&other);
+                        return sum;
+                    }
+                    self.pin(&value);
+                    self.pin(&other);
                     match operator {
                         Operator::Frame => chained(&value, &other).unwrap_or(Value::unknown(Reason::ChainOfUnknown)),
                         Operator::Other(Binary::Divide) if is_real => quotient(&value, &other),
@@ -100,8 +106,8 @@ impl<'a> Runner<'a> {
     /// Whether a number is surely a REAL and not an INT, by its text or its declaration.
     fn is_real(&mut self, of: &Expression) -> bool {
         match of {
-            Expression::Known(Value::Number(_, Some(token))) => {
-                let text = &self.bytes(usize::from(token.source))[token.span.range()];
+            Expression::Known(Value::Number(_, Some(Literal { place, .. }))) => {
+                let text = &self.bytes(usize::from(place.source))[place.span.range()];
                 text.iter().any(|byte| matches!(byte, b'.' | b'E' | b'e'))
             }
             Expression::Path(path) => {
@@ -191,6 +197,17 @@ impl<'a> Runner<'a> {
         }
         value
     }
+}
+
+/// The sum or difference of a number that depends on a literal, and another number; `None` for anything else.
+fn sum(operator: Operator, number: &Value, other: &Value) -> Option<Value> {
+    let (Value::Number(value, Some(literal)), by) = (number, other.number()?) else { return None };
+    let by = match operator {
+        Operator::Other(Binary::Add) => by,
+        Operator::Other(Binary::Subtract) => -by,
+        _ => return None,
+    };
+    Some(Value::Number(value + by, Some(Literal { offset: literal.offset + by, ..*literal })))
 }
 
 /// The quotient of two numbers of which one is a REAL. That of two INT is [`operate`]d, because it has no decimals.

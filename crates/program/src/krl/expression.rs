@@ -2,7 +2,7 @@
 
 use super::lex::{Cursor, LexemeKind};
 use super::names;
-use super::value::{INERTIA, Name, POSE, Value, upper};
+use super::value::{INERTIA, Literal, Name, POSE, Value, upper};
 use crate::Reason;
 use deflex_lang::ir::{Binary, SourceSpan};
 use deflex_text::{Span, number};
@@ -431,7 +431,7 @@ impl Cursor<'_> {
         let digits = text.strip_prefix(b"-").or_else(|| text.strip_prefix(b"+")).unwrap_or(text).trim_ascii_start();
         let known = |value: f64| if is_negative { -value } else { value };
         number::read(digits).map_or(Value::unknown(Reason::NotANumber), |value| {
-            Value::Number(known(value), Some(SourceSpan { source: self.source, span }))
+            Value::Number(known(value), Some(Literal::at(SourceSpan { source: self.source, span })))
         })
     }
 }

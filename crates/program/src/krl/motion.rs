@@ -7,7 +7,7 @@ use super::symbols::{
     OVERRIDE, POSITION, SPEED, STANDS, TOOL, TURNED,
 };
 use super::tree::Move;
-use super::value::{AXES, EXTERNAL, Name, POSE, Value};
+use super::value::{AXES, EXTERNAL, Literal, Name, POSE, Value};
 use crate::orientation::{from_zyx_deg, halfway, quaternion, quaternion_of_zyx_deg};
 use crate::{ArcTurn, Conf, Editable, Goal, Mark, Motion, Predecessor, Reason, Role, StatusAndTurn, Target};
 use deflex_lang::ir::SourceSpan;
@@ -20,7 +20,7 @@ const STATUS: [&[u8]; 2] = [b"S", b"T"];
 /// The position to which a motion goes.
 struct Position {
     numbers: [f64; 6],
-    places: [Option<SourceSpan>; 6],
+    literals: [Option<Literal>; 6],
     /// External axes that this position or one before names.
     external: [Option<Value>; 6],
 }
@@ -40,7 +40,10 @@ impl Runner<'_> {
             let value = self.evaluate(to);
             self.use_axes_of(&value);
         }
+        // It moves along with the position from which it starts.
+        let end = self.value(POSITION).forgotten(reason);
         self.lose_position(reason);
+        self.state.values.insert(POSITION, end);
         self.keep_motion(span, reason);
     }
 
@@ -50,8 +53,12 @@ impl Runner<'_> {
             Value::Unknown(_, Some(was)) => self.use_axes_of(was),
             Value::Array(items) => items.values().for_each(|item| self.use_axes_of(item)),
             _ => {
-                for (used, name) in self.used_axes.iter_mut().zip(EXTERNAL) {
-                    *used |= value.component(name).is_some_and(|axis| axis.number() != Some(0.0));
+                for (axis, name) in EXTERNAL.into_iter().enumerate() {
+                    match value.component(name).map(Value::number) {
+                        Some(Some(number)) => self.used_axes[axis] |= number != 0.0,
+                        Some(None) => self.unknown_axes[axis] = true,
+                        None => {}
+                    }
                 }
             }
         }
@@ -176,11 +183,11 @@ impl Runner<'_> {
         }
         if turns != Ok(true) {
             // A corrected orientation of that number would turn this target too.
-            self.pinned.extend(to.places[3..].iter_mut().filter_map(Option::take));
+            to.literals[3..].iter_mut().for_each(|literal| self.pinned.extend(literal.take().map(|own| own.place)));
         }
-        let numbers = to.numbers.iter().zip(to.places).enumerate().map(|(i, (v, place))| match turns {
+        let numbers = to.numbers.iter().zip(to.literals).enumerate().map(|(i, (v, literal))| match turns {
             Err(why) if i >= 3 => Value::unknown(why),
-            _ => Value::Number(*v, place),
+            _ => Value::Number(*v, literal),
         });
         let external = to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number));
         let named = EXTERNAL.into_iter().zip(to.external.clone()).filter_map(|(name, axis)| Some((name, axis?)));
@@ -188,7 +195,7 @@ impl Runner<'_> {
         self.state.values.insert(POSITION, record);
         self.note_orientation(&to, turns.is_ok());
         let approximation_mm = self.value(APPROXIMATION).component(b"CDIS").and_then(Value::number);
-        self.push(target, PositionTokens { tokens: to.places, approximation_mm }, external);
+        self.push(target, PositionTokens { approximation_mm, ..PositionTokens::of(to.literals) }, external);
         Ok(())
     }
 
@@ -220,16 +227,16 @@ impl Runner<'_> {
         let before = self.orientation_before();
         let located = target.located && before.is_some();
         let quat = before.map_or_else(|| to.quat(), |before| halfway(before, to.quat()));
-        let mut tokens = [None; 6];
-        for (to, name) in tokens.iter_mut().zip([b"X", b"Y", b"Z"]) {
-            *to = via.component(name).and_then(place);
+        let mut literals = [None; 6];
+        for (to, name) in literals.iter_mut().zip([b"X", b"Y", b"Z"]) {
+            *to = via.component(name).and_then(literal);
         }
         let goal = Goal::Pose { position_mm: [x, y, z], quat, conf: None };
         let editable = if target.editable == Editable::Pose { Editable::Position } else { target.editable };
         let external = to.external.each_ref().map(|axis| axis.as_ref().and_then(Value::number));
         self.push(
             Target { role: Role::Via, goal, editable, located, name: None, ..target.clone() },
-            PositionTokens { tokens, approximation_mm: None },
+            PositionTokens::of(literals),
             external,
         );
         Ok(())
@@ -267,7 +274,7 @@ impl Runner<'_> {
             return Err(why(value));
         };
         let before = self.settled(POSITION);
-        let mut found = Position { numbers: [0.0; 6], places: [None; 6], external: Default::default() };
+        let mut found = Position { numbers: [0.0; 6], literals: [None; 6], external: Default::default() };
         for (i, name) in POSE.iter().enumerate() {
             let own = value.component(name);
             let component = own.or_else(|| before.component(name));
@@ -275,10 +282,10 @@ impl Runner<'_> {
                 self.hold_position_before();
                 return Err(component.map_or(Reason::ComponentsMissing, why));
             };
-            (found.numbers[i], found.places[i]) = (*number, *at);
-            if own.is_none() {
-                // A correction there would move this one too.
-                self.pinned.extend(*at);
+            (found.numbers[i], found.literals[i]) = (*number, *at);
+            // A correction there would move this one too. The angles of an offset are not followed.
+            if own.is_none() || i >= 3 && at.is_some_and(|literal| literal.offset != 0.0) {
+                self.pinned.extend(at.map(|literal| literal.place));
             }
         }
         // An axis at an unknown place stays there in other frames, too.
@@ -420,6 +427,6 @@ fn axes(value: &Value) -> Result<Option<[f64; 6]>, Reason> {
     value.numbers(AXES).map(Some).ok_or(Reason::AxesMissing)
 }
 
-fn place(value: &Value) -> Option<SourceSpan> {
-    if let Value::Number(_, place) = value { *place } else { None }
+fn literal(value: &Value) -> Option<Literal> {
+    if let Value::Number(_, literal) = value { *literal } else { None }
 }

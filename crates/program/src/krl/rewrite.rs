@@ -174,7 +174,7 @@ fn new_tokens_of(program: &Program, site: &PositionTokens, i: usize, change: Opt
     let (Some(change), Goal::Pose { quat, .. }) = (change, program.targets[i].goal) else { return own };
     let mut put = |axis: usize, value: f64, decimals: usize| {
         if let Some(place) = site.tokens[axis] {
-            let mut new = New::of(bytes(program, place), value, decimals);
+            let mut new = New::of(bytes(program, place), value - site.offset(axis), decimals);
             // `X-0.1` without its sign would be another name.
             if let Some(token) = &mut new.token
                 && token[0] != b'-'
@@ -202,7 +202,7 @@ fn written(program: &Program, site: &PositionTokens, i: usize, own: &NewTokens) 
     let Goal::Pose { position_mm, quat, .. } = program.targets[i].goal else { return ([0.0; 3], NO_TURN) };
     let value = |axis: usize| {
         let stands = || site.tokens[axis].and_then(|place| signed(bytes(program, place)));
-        own.values[axis].or_else(stands).map(single)
+        own.values[axis].or_else(stands).map(|value| single(single(value) + site.offset(axis)))
     };
     let position = std::array::from_fn(|axis| value(axis).unwrap_or(position_mm[axis]));
     let angles = [3, 4, 5].map(value);

@@ -5,7 +5,7 @@ use super::state::{Changes, ModalState};
 use super::steps::{Routines, routines};
 use super::symbols::{Id, MARK, RoutineId, SPLINE, Symbols};
 use super::tree::{File, Loop, Routine, Statement, StatementKind};
-use super::value::{Name, Selector, Value, upper};
+use super::value::{Literal, Name, Selector, Value, upper};
 use crate::kept::KeptStatements;
 use crate::{Mark, Reason, Target, Tool, UnknownMotion, Wobj};
 use deflex_lang::ir::SourceSpan;
@@ -48,8 +48,26 @@ pub(super) struct ParameterAtEnd {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct PositionTokens {
     pub(crate) tokens: [Option<SourceSpan>; 6],
+    /// X, Y and Z less the numbers of their tokens, mm.
+    pub(crate) offsets: [f64; 3],
     /// `$APO.CDIS` when the motion runs, mm, if it is known.
     pub(crate) approximation_mm: Option<f64>,
+}
+
+impl PositionTokens {
+    pub(super) fn of(literals: [Option<Literal>; 6]) -> Self {
+        let offset = |at: usize| literals[at].map_or(0.0, |literal| literal.offset);
+        Self {
+            tokens: literals.map(|literal| literal.map(|literal| literal.place)),
+            offsets: std::array::from_fn(offset),
+            approximation_mm: None,
+        }
+    }
+
+    /// A component of the position less the number of its token.
+    pub(super) fn offset(&self, component: usize) -> f64 {
+        self.offsets.get(component).copied().unwrap_or(0.0)
+    }
 }
 
 #[derive(Default)]
@@ -96,6 +114,8 @@ pub(super) struct Runner<'a> {
     pub(super) external: Vec<[Option<f64>; 6]>,
     /// External axes that a motion moves to a position that is unknown or not zero.
     pub(super) used_axes: [bool; 6],
+    /// External axes that are somewhere known only at run time.
+    pub(super) unknown_axes: [bool; 6],
     pub(super) motions: u32,
     pub(super) arcs: usize,
     /// Motions that run and whose target is unknown, in running order.

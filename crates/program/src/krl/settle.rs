@@ -6,9 +6,29 @@ use super::tree::{Statement, walk};
 use super::value::{EXTERNAL, Value};
 use crate::{Editable, ExternalAxes, Motion, Reason, Role};
 use deflex_lang::ir::SourceSpan;
-use deflex_text::Span;
+use deflex_text::{Span, number};
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
+
+/// Whether a text gives an external axis anything other than the number zero.
+fn sets(text: &[u8], axis: usize) -> bool {
+    let is_word = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'$');
+    let name = EXTERNAL[axis];
+    let is_name = |at: usize| {
+        text[at..at + name.len()].eq_ignore_ascii_case(name)
+            && !at.checked_sub(1).is_some_and(|before| is_word(&text[before]))
+            && !text.get(at + name.len()).is_some_and(is_word)
+    };
+    let digits = memchr::memchr_iter(name[1], text).filter_map(|at| at.checked_sub(1));
+    digits.filter(|at| is_name(*at)).any(|at| {
+        let rest = text[at + name.len()..].trim_ascii_start();
+        let value = rest.strip_prefix(b"=").unwrap_or(rest).trim_ascii_start();
+        let ends = |byte: &u8| matches!(byte, b',' | b'}' | b'\n' | b'\r' | b';');
+        let number = value.split(ends).next().unwrap_or_default();
+        let number = number.trim_ascii();
+        number::read(number.strip_prefix(b"-").unwrap_or(number)) != Some(0.0)
+    })
+}
 
 impl Runner<'_> {
     /// Marks the external axes that are used by a motion that is not run: in its text, and in the start values of the data that it names.
@@ -72,6 +92,11 @@ impl Runner<'_> {
 
     /// Sets the external axes of the targets. An axis that is at zero in all of the program is at rest.
     pub(super) fn use_axes(&mut self) {
+        for axis in 0..EXTERNAL.len() {
+            let is_in_doubt = self.unknown_axes[axis] && !self.used_axes[axis];
+            // A position that the controller reads (`$POS_INT`) has the axes that the arm has: the text shows which.
+            self.used_axes[axis] |= is_in_doubt && self.symbols.sources.iter().any(|source| sets(&source.bytes, axis));
+        }
         let named = |axis: usize| self.external.iter().any(|external| external[axis].is_some());
         let at_rest: [bool; 6] = std::array::from_fn(|axis| !self.used_axes[axis] && named(axis));
         if self.used_axes == [false; 6] && at_rest == [false; 6] {

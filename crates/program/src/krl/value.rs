@@ -21,8 +21,8 @@ pub(super) fn upper(text: &[u8]) -> Name {
 pub(super) enum Value {
     /// Known only at run time, with the reason; it may be the value in the option.
     Unknown(Reason, Option<Rc<Value>>),
-    /// A number, and its token with the sign if it is a literal or a copy of one.
-    Number(f64, Option<SourceSpan>),
+    /// A number, and the literal on which it depends, if there is one.
+    Number(f64, Option<Literal>),
     Bool(bool),
     /// `#NAME`
     Constant(Arc<[u8]>),
@@ -32,6 +32,21 @@ pub(super) enum Value {
     Array(Rc<BTreeMap<i64, Value>>),
     /// Data of this name that no file declares, but the controller has.
     Own(Rc<str>),
+}
+
+/// A number in the text, on which a value depends: the value is the number plus an offset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Literal {
+    /// Its token with the sign.
+    pub(super) place: SourceSpan,
+    pub(super) offset: f64,
+}
+
+impl Literal {
+    /// The literal itself.
+    pub(super) fn at(place: SourceSpan) -> Self {
+        Self { place, offset: 0.0 }
+    }
 }
 
 /// Index of the value of all elements that an array does not list; real indices are not negative.
@@ -156,7 +171,7 @@ impl Value {
     /// All tokens in it, including those of values that it may have.
     pub(super) fn tokens(&self) -> Vec<SourceSpan> {
         match self {
-            Self::Number(_, place) => place.iter().copied().collect(),
+            Self::Number(_, literal) => literal.iter().map(|literal| literal.place).collect(),
             Self::Record(fields) => fields.iter().flat_map(|(_, value)| value.tokens()).collect(),
             Self::Array(items) => items.values().flat_map(Self::tokens).collect(),
             Self::Unknown(_, Some(was)) => was.tokens(),
@@ -177,7 +192,7 @@ impl Value {
         let (why, mut all) = (self.why().unwrap_or(why), BTreeMap::new());
         for place in self.tokens().into_iter().chain(other.tokens()).filter(|place| !lost.contains(place)) {
             let at = i64::from(place.source) << 32 | i64::from(place.span.start);
-            all.insert(at, Self::Number(0.0, Some(place)));
+            all.insert(at, Self::Number(0.0, Some(Literal::at(place))));
         }
         if all.len() > MOST_TOKENS {
             [self, other].iter().for_each(|value| lost.extend(value.tokens()));
