@@ -126,10 +126,13 @@ impl Engine {
         let outliers = self.problem.rows.iter().filter(|row| row.outlier).map(|row| row.line).collect();
         let held_out_rows = self.problem.rows.iter().filter(|row| row.held_out).count();
         self.take_all_rows(&mut posteriors);
+        let noise_floor_rms_mm = (axes * (noise_mm * noise_mm + wander_mm * wander_mm)).sqrt();
+        // The model does not know the error that it leaves on rows of other places, postures and loads.
+        let left_mm = ((elsewhere.extended.rms_mm.powi(2) - noise_floor_rms_mm.powi(2)).max(0.0) / axes).sqrt();
         let transfer_sigma_mm = match self.problem.extent {
             // The held-out rows are spread over the whole robot, so that they represent another program.
-            Extent::Robot => ((elsewhere.extended.rms_mm.powi(2) / axes - noise_mm * noise_mm).max(0.0)).sqrt(),
-            Extent::Part => self.transfer_sigma_mm(elsewhere.wider),
+            Extent::Robot => left_mm,
+            Extent::Part => self.transfer_sigma_mm(elsewhere.wider).hypot(left_mm),
         };
         let uncertain = Uncertain { wider: elsewhere.wider, unlisted };
         let contributions = self.contributions(explained, &posteriors, uncertain, &provenance);
@@ -165,7 +168,7 @@ impl Engine {
             noise_mm,
             wander_mm,
             orientation_noise_deg,
-            noise_floor_rms_mm: (axes * (noise_mm * noise_mm + wander_mm * wander_mm)).sqrt(),
+            noise_floor_rms_mm,
             before: errors_before,
             after: errors_after,
             after_rms_ci95_mm,

@@ -47,7 +47,7 @@ pub struct Identification {
     /// Errors of the extended cell on rows that were left out by place, posture and load instead of by time.
     pub after_other_places: Errors,
     /// Standard deviation for each axis of the error of the prediction if the same programs run next to their place, turned
-    /// or not, mm: the uncertainty for another program. Zero if the arm reaches no such place, or if nothing is added.
+    /// or not, mm: the uncertainty for another program. The error that remains beyond the noise is part of it.
     pub transfer_sigma_mm: f64,
     /// Effects added.
     pub added: Vec<Added>,
