@@ -155,7 +155,7 @@ fn rows_that_cannot_be_true_are_refused_with_their_line() {
     };
     let cases: [(&str, Change); 6] = [
         ("q2_deg is 9000, and the axis goes from -360° to 360°", |row| row.deg[1] = 9000.0),
-        ("q3_deg is `NaN`", |row| row.deg[2] = f64::NAN),
+        ("q5_deg, q6_deg are given in part", |row| row.deg[2] = f64::NAN),
         ("z_mm is `inf`", |row| row.position_mm.z = f64::INFINITY),
         ("mm from where these motor angles put the reflector", |row| row.position_mm.x += 5e4),
         ("far beyond any robot", |row| row.position_mm.x += 5e6),

@@ -483,8 +483,8 @@ fn what_is_edited_is_right_in_every_run() {
         });
         judged.unwrap_or_else(|why| panic!("{seed}: {why}"));
     }
-    // Leaving everything alone is no answer.
-    assert!(edited.get() as u64 * 4 > count, "only {} of {count} have a position that may be edited", edited.get());
+    // Leaving everything alone is no answer. Where a program begins with an increment, its last position is kept too.
+    assert!(edited.get() as u64 * 5 > count, "only {} of {count} have a position that may be edited", edited.get());
 }
 
 fn reads(statements: &str) -> Program {
