@@ -100,7 +100,7 @@ fn marks_hold_in_running_order() {
 #[test]
 fn targets_changed_at_run_time_are_kept() {
     let p = program(
-        "MODULE M\nVAR robtarget p:=[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPROC main()\n\
+        "MODULE M\nVAR robtarget p;\nCONST robtarget q:=[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPROC main()\np:=q;\n\
          MoveL p,v100,fine,tool0;\np.trans.z:=p.trans.z+5;\nMoveL p,v100,fine,tool0;\nENDPROC\nENDMODULE",
     );
     assert_eq!(positions(&p), [[1.0, 2.0, 3.0], [1.0, 2.0, 8.0]]);
@@ -234,6 +234,74 @@ fn a_routine_without_a_caller_depends_on_the_states_that_another_one_sets() {
     ];
     assert_eq!(sets.map(warned), [1; 5]);
     assert_eq!(warned("SetDO d1,1;"), 0);
+}
+
+/// The positions to which a program of this declaration and body goes, and the number of motions that go to an unknown one.
+fn goes(declared: &str, main: &str) -> (Vec<[f64; 3]>, usize) {
+    let p = program(&module(main).replace("PROC main", &format!("{declared}\n  PROC main")));
+    holds(&p);
+    (positions(&p), p.unknown.len())
+}
+
+/// Data of modules keep their values from one cycle to the next, whatever their type and with or without a value in the text.
+#[test]
+fn data_that_a_cycle_reads_first_have_any_value() {
+    let [one, two] = [[1.0, 2.0, 3.0], [10.5, 20.0, 30.0]];
+    let [first, second] = ["MoveL p1,v9,fine,tool0;\n", "MoveL p2,v9,fine,tool0;\n"];
+    let either = |condition: &str| format!("IF {condition} THEN\n{first}ELSE\n{second}ENDIF\n");
+    let target = format!("robtarget p:={};", robtarget(0.0));
+    for (declared, condition, changes) in [
+        ("VAR bool b:=TRUE;", "b", "b:=FALSE;"),
+        ("PERS bool b:=TRUE;", "b", "b:=FALSE;"),
+        ("VAR bool b;", "NOT b", "b:=TRUE;"),
+        ("VAR num n;", "n=0", "Incr n;"),
+        ("VAR num n{2}:=[0,0];", "n{1}=0", "n{2}:=4;"),
+        ("VAR pos o:=[0,0,0];", "o.x=0", "o.x:=9;"),
+        ("VAR jointtarget j:=[[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];", "j.robax.rax_1=0", "j.robax.rax_1:=9;"),
+        (&format!("PERS {target}"), "p.trans.x<50", "p.trans.x:=90;"),
+        (&format!("VAR {target}"), "p.trans.x<50", "p.trans.x:=90;"),
+    ] {
+        let either = either(condition);
+        assert_eq!(goes(declared, &format!("{either}{changes}")), (vec![one, two], 0), "{declared}");
+        // Without an assignment, the value of the text stays.
+        assert_eq!(goes(declared, &either), (vec![one], 0), "{declared}");
+    }
+    // What every cycle sets first is known, also in a routine that it calls, and of each component or element.
+    assert_eq!(goes("VAR bool b;", &format!("b:=TRUE;\n{}b:=FALSE;", either("b"))), (vec![one], 0));
+    let routine = "ENDPROC\nPROC reset()\nn:=0;\nENDPROC\nPROC unused()\n";
+    assert_eq!(goes("VAR num n;", &format!("reset;\n{}n:=1;{routine}", either("n=0"))), (vec![one], 0));
+    let each = "FOR i FROM 1 TO 2 DO\nn{i}:=i;\nENDFOR\n";
+    assert_eq!(goes("VAR num n{2}:=[0,0];", &format!("{each}{}", either("n{2}=1"))), (vec![two], 0));
+    let parts = format!("p.trans:=[0,0,9];\np.rot:=[1,0,0,0];\np.robconf:=[0,0,0,0];\nMoveL p,v9,fine,tool0;\n{first}");
+    assert_eq!(goes(&format!("PERS {target}"), &parts), (vec![[0.0, 0.0, 9.0], one], 0));
+    // A routine's own data begin anew.
+    assert_eq!(goes("", &format!("VAR num n:=0;\n{}n:=1;", either("n=0"))), (vec![one], 0));
+}
+
+/// A part counter of a shop: which part comes next is known only at run time.
+#[test]
+fn data_that_count_over_cycles_are_unknown() {
+    let parts = format!("VAR num n:=0;\nCONST robtarget p{{2}}:=[{},{}];", robtarget(0.0), robtarget(9.0));
+    let step = "ENDPROC\nPROC step()\nn:=n+1;\nMoveL p{n},v9,fine,tool0;";
+    assert_eq!(goes(&parts, &format!("step;\nstep;\n{step}")), (Vec::new(), 2));
+    assert_eq!(goes(&parts, &format!("n:=0;\nstep;\nstep;\n{step}")).0, [[0.0; 3], [9.0, 0.0, 0.0]]);
+}
+
+/// Everything that depends on a PERS robtarget which the program assigns is known only at run time.
+#[test]
+fn assigned_robtargets_are_unknown_wherever_they_are_read() {
+    use deflex_program::Predecessor;
+    let at = |text: &str| format!("PERS robtarget p:={};\n{text}", robtarget(1.0));
+    let indexed = at(&format!("CONST robtarget q{{2}}:=[{},{}];", robtarget(0.0), robtarget(9.0)));
+    assert_eq!(goes(&indexed, "MoveL q{p.trans.x},v9,fine,tool0;\np.trans.x:=2;"), (Vec::new(), 1));
+    let wobj = at("PERS wobjdata w:=[FALSE,TRUE,\"\",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];");
+    let frame = "w.oframe.trans:=p.trans;\nMoveL p1,v9,fine,tool0\\WObj:=w;\n";
+    assert_eq!(goes(&wobj, &format!("{frame}p.trans.x:=90;")), (Vec::new(), 1));
+    assert_eq!(goes(&wobj, frame).1, 0);
+    let text = module("MoveJ p,v1000,fine,tool0;\nMoveL p1,v20,fine,tool0;\np:=p2;")
+        .replace("PROC main", &format!("{}  PROC main", at("")));
+    let p = program(&text);
+    assert_eq!((p.targets[0].predecessor, p.unknown[0].reason), (Predecessor::Unknown, Reason::TargetChanged));
 }
 
 const TOOLS: &str = "PERS tooldata tA:=[TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n\

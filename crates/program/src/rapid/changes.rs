@@ -5,7 +5,7 @@ use super::known::{Changes, Known, RoutineId};
 use super::motion::{self, Shape};
 use super::predefined::{self, Function, Instruction};
 use super::state::Switches;
-use super::symbols::{Symbols, Upper};
+use super::symbols::{Content, Symbols, Upper};
 use super::tree::{Param, RoutineKind, Statement, StatementKind, Storage, statements};
 use crate::Reason;
 use std::cell::RefCell;
@@ -161,11 +161,15 @@ impl<'a> Symbols<'a> {
         for id in &ids {
             self.foreign_assigned.extend(routines[id].foreign.iter().cloned());
         }
+        assigned.extend(&at_any_moment.data);
         for at in assigned {
-            self.variables[at].assigned = true;
+            let variable = &mut self.variables[at];
+            variable.assigned = true;
+            if let Content::Is(unset) = &mut variable.content {
+                *unset = unset.left(Reason::TargetChanged);
+            }
         }
         for &at in &at_any_moment.data {
-            self.variables[at].assigned = true;
             self.variables[at].volatile = Some(Reason::Trap);
         }
         self.known = Known {

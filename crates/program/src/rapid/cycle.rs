@@ -105,16 +105,18 @@ impl Runner<'_> {
     /// both are not in the files, and their order decides.
     pub(super) fn tell_other_entries(&mut self, id: RoutineId, entries: &[RoutineId]) {
         let own = self.symbols.changed_by(id);
-        let mut changed: Vec<(String, RoutineId)> = Vec::new();
+        let named = self.data_named_in(id);
+        let (mut changed, mut used): (Vec<(String, RoutineId)>, Vec<(usize, RoutineId)>) = Default::default();
         for other in entries.iter().copied().filter(|other| *other != id) {
             let changes = self.symbols.changed_by(other);
-            let used = self.data_named_in(id).into_iter().filter(|at| changes.data.contains(at));
-            changed.extend(
-                used.map(|at| (format!("the value of `{}` in the text", self.symbols.variables[at].name), other)),
-            );
+            used.extend(named.intersection(&changes.data).map(|at| (*at, other)));
             let states = changes.switches.lasting().without(own.switches.lasting());
             changed.extend(states.iter().map(|state| (format!("{} as at the start", state.what()), other)));
         }
+        // All other data that the program assigns are unknown where a routine begins.
+        used.retain(|(at, _)| has_frames(&self.initial(*at)));
+        let value = |at: usize| format!("the value of `{}` in the text", self.symbols.variables[at].name);
+        changed.extend(used.into_iter().map(|(at, other)| (value(at), other)));
         changed.sort();
         changed.dedup_by(|a, b| a.0 == b.0);
         let name = |id: RoutineId| String::from_utf8_lossy(self.routine_name(id)).into_owned();
@@ -151,7 +153,12 @@ impl Runner<'_> {
     }
 }
 
-/// Whether a tool or work object in a value differs from that in another value. Arrays and records may hold several.
+/// Whether there is a tool or work object in a value. Arrays and records may hold several.
+fn has_frames(value: &Value) -> bool {
+    value.is_frame() || value.list().is_some_and(|items| items.iter().any(has_frames))
+}
+
+/// Whether a tool or work object in a value differs from that in another value.
 fn have_other_frames(a: &Value, b: &Value) -> bool {
     let frames = |value: &Value| (value.tool().map(ToolData::normalised), value.wobj().map(WobjData::normalised));
     let pair = (frames(a), frames(b));
