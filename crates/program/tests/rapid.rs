@@ -196,6 +196,64 @@ fn the_next_cycle_begins_with_what_any_end_of_the_cycle_left() {
     assert_eq!(next_cycle_notes(&format!("{moves}{set}{moves}PDispOff;"), ""), 0);
 }
 
+/// The cycle may end in a called routine, a function or a handler, and a trap may end it at any moment.
+#[test]
+fn every_end_of_the_cycle_may_leave_another_frame() {
+    let wobj = "PERS wobjdata w:=[FALSE,TRUE,\"\",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];";
+    let tool = "PERS tooldata w:=[TRUE,[[0,0,3],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];";
+    for (declared, motion, part) in [
+        (wobj, "MoveL p1,v9,fine,tool0\\WObj:=w;\n", "w.oframe.trans.z"),
+        (tool, "MoveL p1,v9,fine,w;\n", "w.tframe.trans.z"),
+    ] {
+        let (shift, back) = (format!("{part}:=9;\n"), [("w.oframe.trans.z", "0"), ("w.tframe.trans.z", "3")]);
+        let back = back.iter().find(|(name, _)| *name == part).map(|(name, z)| format!("{name}:={z};\n")).unwrap();
+        let notes = |between: &str, more: &str| {
+            let main = format!("{motion}{shift}{between}{back}{motion}");
+            next_cycle_notes(&main, &format!("{declared}\n{more}"))
+        };
+        assert_eq!(notes("", ""), 0);
+        for end in ["ExitCycle;", "EXIT;"] {
+            assert_eq!(notes(&format!("IF DInput(di)=1 {end}\n"), ""), 1, "{end}");
+            assert_eq!(notes(&format!("IF DInput(di)=1 THEN\n{back}{end}\nENDIF\n"), ""), 0, "{end}");
+            assert_eq!(notes("stop;\n", &format!("PROC stop()\nIF DInput(di)=1 {end}\nENDPROC")), 1, "{end}");
+            assert_eq!(notes("", &format!("TRAP t\n{end}\nENDTRAP")), 1, "{end}");
+            assert_eq!(notes("", &format!("TRAP t\nstop;\nENDTRAP\nPROC stop()\n{end}\nENDPROC")), 1, "{end}");
+            let function = format!("FUNC num f()\n{end}\nRETURN 1;\nENDFUNC");
+            assert_eq!(notes("Set f();\n", &function), 1, "{end}");
+            let routine = |on_error: &str| format!("PROC wait()\nWaitDI di,1\\MaxTime:=2;\nERROR\n{on_error}\nENDPROC");
+            assert_eq!(notes("wait;\n", &routine(&format!("IF ERRNO=1 {end}\nTRYNEXT;"))), 1, "{end}");
+            assert_eq!(notes("wait;\n", &routine("TRYNEXT;")), 0);
+        }
+    }
+}
+
+/// What a handler sets is in force in the next cycle.
+#[test]
+fn the_next_cycle_begins_with_what_a_handler_left() {
+    let body = "MoveL p1,v9,fine,tool0;\nWaitDI di1,1\\MaxTime:=2;\nMoveL p2,v9,fine,tool0;\n";
+    let sets = [
+        "PDispSet [[0,0,1],[1,0,0,0]];",
+        "VelSet 10,800;",
+        "SoftAct 1,20;",
+        "ConfJ\\Off;",
+        "CirPathMode\\ObjectFrame;",
+        "EOffsSet [10,0,0,0,0,0];",
+        "DeactUnit STN1;",
+    ];
+    for set in sets {
+        for end in ["RETURN;", "ExitCycle;", "EXIT;", "", "TRYNEXT;", "IF ERRNO=1 ExitCycle;\nTRYNEXT;"] {
+            assert_eq!(next_cycle_notes(&format!("{body}ERROR\n{set}\n{end}"), ""), 1, "{set} {end}");
+        }
+        let wait = format!("PROC wait()\nWaitDI di1,1\\MaxTime:=2;\nERROR\n{set}\nRETURN;\nENDPROC");
+        assert_eq!(next_cycle_notes(&format!("{body}wait;"), &wait), 1, "{set}");
+        let function = format!("FUNC num f()\n{set}\nRETURN 1;\nENDFUNC");
+        assert_eq!(next_cycle_notes(&format!("{body}n:=f();"), &function), 1, "{set}");
+    }
+    assert_eq!(next_cycle_notes(&format!("{body}ERROR\nSetDO d1,1;\nRETURN;"), ""), 0);
+    assert_eq!(next_cycle_notes(&format!("{body}ERROR\nrLog;\nRETURN;"), ""), 0);
+    assert_eq!(next_cycle_notes(&format!("VelSet 100,5000;\n{body}ERROR\nVelSet 10,800;\nRETURN;"), ""), 0);
+}
+
 #[test]
 fn the_next_cycle_finds_frames_in_arrays_records_and_copies_otherwise() {
     let wobj = "[FALSE,TRUE,\"\",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]";

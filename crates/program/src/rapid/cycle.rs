@@ -2,11 +2,11 @@
 
 use super::expression::Expression;
 use super::known::RoutineId;
-use super::lasting::{Lasting, LastingStates};
-use super::runner::Runner;
+use super::lasting::LastingStates;
+use super::runner::{Mode, Runner};
 use super::state::{Begun, ModalState};
 use super::symbols::{Content, Upper};
-use super::tree::{RoutineKind, Statement, Storage, statements};
+use super::tree::{Storage, statements};
 use super::value::Value;
 use crate::{ToolData, WobjData};
 use deflex_text::{Diagnostic, Severity, Span};
@@ -33,61 +33,43 @@ impl Runner<'_> {
         }
     }
 
-    /// Records that an instruction sets a state that lasts.
-    pub(super) fn sets(&mut self, state: Lasting) {
-        self.state.modal.as_begun.remove(state);
-        if self.is_real() {
-            self.begun.set.insert(state);
-        }
-    }
-
     /// Records that a motion uses the states in force.
     pub(super) fn uses_states(&mut self) {
         self.begun.expected = self.begun.expected.union(self.state.modal.as_begun);
-        self.begun.passed = self.begun.passed.union(self.states_set());
     }
 
     /// Records that the cycle may end here.
     pub(super) fn ends_cycle(&mut self) {
-        if self.is_real() {
-            self.begun.left = self.begun.left.union(self.states_set());
+        if self.mode == Mode::Aside {
+            return;
         }
-    }
-
-    /// The states that are not as at the beginning.
-    fn states_set(&self) -> LastingStates {
-        self.state.modal.differing(&ModalState::default())
-    }
-
-    /// Whether a trap may end the cycle, which it may do at any moment.
-    fn traps_end_cycle(&self) -> bool {
-        let ends = |id: RoutineId| {
-            let bytes = self.bytes(id.file);
-            let calls = |statement: &&Statement| {
-                statement.call().is_some_and(|call| bytes[call.name.range()].eq_ignore_ascii_case(b"ExitCycle"))
-            };
-            statements(&self.symbols.routine(id).body).iter().any(calls)
+        self.begun.left = self.begun.left.union(self.state.modal.differing(&ModalState::default()));
+        let is_left = |at: &usize| {
+            let ends = self.state.values.get(at);
+            ends.is_some_and(|ends| have_other_frames(&self.begun.declared[at], ends))
         };
-        self.symbols.all().any(|id| {
-            let is_trap = self.symbols.routine(id).kind == RoutineKind::Trap;
-            is_trap && self.reached_from(id).into_iter().any(ends)
-        })
+        let left: Vec<usize> = self.begun.declared.keys().copied().filter(is_left).collect();
+        self.begun.left_data.extend(left);
+    }
+
+    /// Records the same where a trap, which runs at any moment, may end the cycle.
+    pub(super) fn may_be_interrupted(&mut self) {
+        if self.symbols.known.at_any_moment.end_cycle {
+            self.ends_cycle();
+        }
     }
 
     /// Warns of tools, work objects and lasting states that a motion uses as declared or as they are at the start, and that differ in the
     /// next cycle.
     pub(super) fn tell_next_cycle(&mut self, main: RoutineId) {
         self.ends_cycle();
-        let Begun { declared, used, set, expected, mut left, passed } = std::mem::take(&mut self.begun);
-        if self.traps_end_cycle() {
-            left = left.union(passed);
-        }
-        for (at, began) in declared.into_iter().filter(|(at, _)| used.contains(at)) {
-            let ends = self.content(at);
+        let Begun { used, expected, left, left_data, .. } = std::mem::take(&mut self.begun);
+        // Other messages report routines outside the files, which may set states too.
+        let sets = |set: LastingStates, id: &RoutineId| set.union(self.symbols.changed_by(*id).sets);
+        let set = self.reached.entered.iter().fold(LastingStates::default(), sets);
+        for at in used.intersection(&left_data).copied() {
             let data = &self.symbols.variables[at];
-            if let Some(declared) = data.declared
-                && have_other_frames(&began, &ends)
-            {
+            if let Some(declared) = data.declared {
                 let message = format!(
                     "at the end of `main`, `{}` differs from the value that its first motions expect",
                     data.name
