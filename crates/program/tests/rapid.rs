@@ -50,6 +50,20 @@ fn offsets_follow_their_base() {
     assert!(text.contains("p1:=[[1,2.2500,3]"), "{text}");
 }
 
+/// What a motion of an unknown force shares with one that is corrected.
+#[test]
+fn offsets_without_a_correction_are_held_in_place() {
+    for offset in ["Offs(p1,0,50,-30)", "RelTool(p1,0,50,-30)"] {
+        let p = program(&module(&format!("MoveL {offset},v20,fine,tool0;\nMoveL p1,v20,fine,tool0;")));
+        let changes = [None, Some(Change { position_mm: [1.5, 2.0, 3.0], quat: None, conf: None, external: None })];
+        let written = p.rewrite(&changes, &[], &RewriteOptions::default()).written;
+        let off = (0..3).map(|k| (written[0].0[k] - positions(&p)[0][k]).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-4, "{offset}: {off}");
+        let text = rewritten(&p, &changes, &[], &RewriteOptions::default());
+        assert!(text.contains("(p1,-0.5000,50,-30)") && text.contains("p1:=[[1.5000,2,3]"), "{text}");
+    }
+}
+
 #[test]
 fn loops_with_known_bounds_run() {
     let p = program(&module("FOR i FROM 1 TO 3 DO\nMoveL Offs(p1,i*10,0,0),v100,fine,tool0;\nENDFOR"));
