@@ -115,7 +115,7 @@ fn uncertain_sums(Context { program, cell, .. }: Context<'_>, repeated: &mut Rep
 fn unsolved(Context { program, .. }: Context<'_>, prepared: &Prepared, repeated: &mut Repeated) {
     let mut say = |reason: KeptReason, place: MotionInText| {
         let Some(help) = reason.help(program.language) else { return };
-        let message = format!("{reason}: the target stays unchanged and is not solved");
+        let message = format!("{reason}: the target stays where it is and is not solved");
         let source = &program.sources[usize::from(place.source)];
         let said = Diagnostic::error("target.kept", "", message).on_line(source, place.span, place.line);
         repeated.say(said.severity(Severity::Warning).help(help));

@@ -50,6 +50,20 @@ fn offsets_follow_their_base() {
     assert!(text.contains("p1:=[[1,2.2500,3]"), "{text}");
 }
 
+/// What a motion of an unknown force shares with one that is corrected.
+#[test]
+fn offsets_without_a_correction_are_held_in_place() {
+    for offset in ["Offs(p1,0,50,-30)", "RelTool(p1,0,50,-30)"] {
+        let p = program(&module(&format!("MoveL {offset},v20,fine,tool0;\nMoveL p1,v20,fine,tool0;")));
+        let changes = [None, Some(Change { position_mm: [1.5, 2.0, 3.0], quat: None, conf: None, external: None })];
+        let written = p.rewrite(&changes, &[], &RewriteOptions::default()).written;
+        let off = (0..3).map(|k| (written[0].0[k] - positions(&p)[0][k]).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-4, "{offset}: {off}");
+        let text = rewritten(&p, &changes, &[], &RewriteOptions::default());
+        assert!(text.contains("(p1,-0.5000,50,-30)") && text.contains("p1:=[[1.5000,2,3]"), "{text}");
+    }
+}
+
 #[test]
 fn loops_with_known_bounds_run() {
     let p = program(&module("FOR i FROM 1 TO 3 DO\nMoveL Offs(p1,i*10,0,0),v100,fine,tool0;\nENDFOR"));
@@ -100,7 +114,7 @@ fn marks_hold_in_running_order() {
 #[test]
 fn targets_changed_at_run_time_are_kept() {
     let p = program(
-        "MODULE M\nVAR robtarget p:=[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPROC main()\n\
+        "MODULE M\nVAR robtarget p;\nCONST robtarget q:=[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPROC main()\np:=q;\n\
          MoveL p,v100,fine,tool0;\np.trans.z:=p.trans.z+5;\nMoveL p,v100,fine,tool0;\nENDPROC\nENDMODULE",
     );
     assert_eq!(positions(&p), [[1.0, 2.0, 3.0], [1.0, 2.0, 8.0]]);
@@ -196,6 +210,64 @@ fn the_next_cycle_begins_with_what_any_end_of_the_cycle_left() {
     assert_eq!(next_cycle_notes(&format!("{moves}{set}{moves}PDispOff;"), ""), 0);
 }
 
+/// The cycle may end in a called routine, a function or a handler, and a trap may end it at any moment.
+#[test]
+fn every_end_of_the_cycle_may_leave_another_frame() {
+    let wobj = "PERS wobjdata w:=[FALSE,TRUE,\"\",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];";
+    let tool = "PERS tooldata w:=[TRUE,[[0,0,3],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];";
+    for (declared, motion, part) in [
+        (wobj, "MoveL p1,v9,fine,tool0\\WObj:=w;\n", "w.oframe.trans.z"),
+        (tool, "MoveL p1,v9,fine,w;\n", "w.tframe.trans.z"),
+    ] {
+        let (shift, back) = (format!("{part}:=9;\n"), [("w.oframe.trans.z", "0"), ("w.tframe.trans.z", "3")]);
+        let back = back.iter().find(|(name, _)| *name == part).map(|(name, z)| format!("{name}:={z};\n")).unwrap();
+        let notes = |between: &str, more: &str| {
+            let main = format!("{motion}{shift}{between}{back}{motion}");
+            next_cycle_notes(&main, &format!("{declared}\n{more}"))
+        };
+        assert_eq!(notes("", ""), 0);
+        for end in ["ExitCycle;", "EXIT;"] {
+            assert_eq!(notes(&format!("IF DInput(di)=1 {end}\n"), ""), 1, "{end}");
+            assert_eq!(notes(&format!("IF DInput(di)=1 THEN\n{back}{end}\nENDIF\n"), ""), 0, "{end}");
+            assert_eq!(notes("stop;\n", &format!("PROC stop()\nIF DInput(di)=1 {end}\nENDPROC")), 1, "{end}");
+            assert_eq!(notes("", &format!("TRAP t\n{end}\nENDTRAP")), 1, "{end}");
+            assert_eq!(notes("", &format!("TRAP t\nstop;\nENDTRAP\nPROC stop()\n{end}\nENDPROC")), 1, "{end}");
+            let function = format!("FUNC num f()\n{end}\nRETURN 1;\nENDFUNC");
+            assert_eq!(notes("Set f();\n", &function), 1, "{end}");
+            let routine = |on_error: &str| format!("PROC wait()\nWaitDI di,1\\MaxTime:=2;\nERROR\n{on_error}\nENDPROC");
+            assert_eq!(notes("wait;\n", &routine(&format!("IF ERRNO=1 {end}\nTRYNEXT;"))), 1, "{end}");
+            assert_eq!(notes("wait;\n", &routine("TRYNEXT;")), 0);
+        }
+    }
+}
+
+/// What a handler sets is in force in the next cycle.
+#[test]
+fn the_next_cycle_begins_with_what_a_handler_left() {
+    let body = "MoveL p1,v9,fine,tool0;\nWaitDI di1,1\\MaxTime:=2;\nMoveL p2,v9,fine,tool0;\n";
+    let sets = [
+        "PDispSet [[0,0,1],[1,0,0,0]];",
+        "VelSet 10,800;",
+        "SoftAct 1,20;",
+        "ConfJ\\Off;",
+        "CirPathMode\\ObjectFrame;",
+        "EOffsSet [10,0,0,0,0,0];",
+        "DeactUnit STN1;",
+    ];
+    for set in sets {
+        for end in ["RETURN;", "ExitCycle;", "EXIT;", "", "TRYNEXT;", "IF ERRNO=1 ExitCycle;\nTRYNEXT;"] {
+            assert_eq!(next_cycle_notes(&format!("{body}ERROR\n{set}\n{end}"), ""), 1, "{set} {end}");
+        }
+        let wait = format!("PROC wait()\nWaitDI di1,1\\MaxTime:=2;\nERROR\n{set}\nRETURN;\nENDPROC");
+        assert_eq!(next_cycle_notes(&format!("{body}wait;"), &wait), 1, "{set}");
+        let function = format!("FUNC num f()\n{set}\nRETURN 1;\nENDFUNC");
+        assert_eq!(next_cycle_notes(&format!("{body}n:=f();"), &function), 1, "{set}");
+    }
+    assert_eq!(next_cycle_notes(&format!("{body}ERROR\nSetDO d1,1;\nRETURN;"), ""), 0);
+    assert_eq!(next_cycle_notes(&format!("{body}ERROR\nrLog;\nRETURN;"), ""), 0);
+    assert_eq!(next_cycle_notes(&format!("VelSet 100,5000;\n{body}ERROR\nVelSet 10,800;\nRETURN;"), ""), 0);
+}
+
 #[test]
 fn the_next_cycle_finds_frames_in_arrays_records_and_copies_otherwise() {
     let wobj = "[FALSE,TRUE,\"\",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]";
@@ -234,6 +306,74 @@ fn a_routine_without_a_caller_depends_on_the_states_that_another_one_sets() {
     ];
     assert_eq!(sets.map(warned), [1; 5]);
     assert_eq!(warned("SetDO d1,1;"), 0);
+}
+
+/// The positions to which a program of this declaration and body goes, and the number of motions that go to an unknown one.
+fn goes(declared: &str, main: &str) -> (Vec<[f64; 3]>, usize) {
+    let p = program(&module(main).replace("PROC main", &format!("{declared}\n  PROC main")));
+    holds(&p);
+    (positions(&p), p.unknown.len())
+}
+
+/// Data of modules keep their values from one cycle to the next, whatever their type and with or without a value in the text.
+#[test]
+fn data_that_a_cycle_reads_first_have_any_value() {
+    let [one, two] = [[1.0, 2.0, 3.0], [10.5, 20.0, 30.0]];
+    let [first, second] = ["MoveL p1,v9,fine,tool0;\n", "MoveL p2,v9,fine,tool0;\n"];
+    let either = |condition: &str| format!("IF {condition} THEN\n{first}ELSE\n{second}ENDIF\n");
+    let target = format!("robtarget p:={};", robtarget(0.0));
+    for (declared, condition, changes) in [
+        ("VAR bool b:=TRUE;", "b", "b:=FALSE;"),
+        ("PERS bool b:=TRUE;", "b", "b:=FALSE;"),
+        ("VAR bool b;", "NOT b", "b:=TRUE;"),
+        ("VAR num n;", "n=0", "Incr n;"),
+        ("VAR num n{2}:=[0,0];", "n{1}=0", "n{2}:=4;"),
+        ("VAR pos o:=[0,0,0];", "o.x=0", "o.x:=9;"),
+        ("VAR jointtarget j:=[[0,0,0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];", "j.robax.rax_1=0", "j.robax.rax_1:=9;"),
+        (&format!("PERS {target}"), "p.trans.x<50", "p.trans.x:=90;"),
+        (&format!("VAR {target}"), "p.trans.x<50", "p.trans.x:=90;"),
+    ] {
+        let either = either(condition);
+        assert_eq!(goes(declared, &format!("{either}{changes}")), (vec![one, two], 0), "{declared}");
+        // Without an assignment, the value of the text stays.
+        assert_eq!(goes(declared, &either), (vec![one], 0), "{declared}");
+    }
+    // What every cycle sets first is known, also in a routine that it calls, and of each component or element.
+    assert_eq!(goes("VAR bool b;", &format!("b:=TRUE;\n{}b:=FALSE;", either("b"))), (vec![one], 0));
+    let routine = "ENDPROC\nPROC reset()\nn:=0;\nENDPROC\nPROC unused()\n";
+    assert_eq!(goes("VAR num n;", &format!("reset;\n{}n:=1;{routine}", either("n=0"))), (vec![one], 0));
+    let each = "FOR i FROM 1 TO 2 DO\nn{i}:=i;\nENDFOR\n";
+    assert_eq!(goes("VAR num n{2}:=[0,0];", &format!("{each}{}", either("n{2}=1"))), (vec![two], 0));
+    let parts = format!("p.trans:=[0,0,9];\np.rot:=[1,0,0,0];\np.robconf:=[0,0,0,0];\nMoveL p,v9,fine,tool0;\n{first}");
+    assert_eq!(goes(&format!("PERS {target}"), &parts), (vec![[0.0, 0.0, 9.0], one], 0));
+    // A routine's own data begin anew.
+    assert_eq!(goes("", &format!("VAR num n:=0;\n{}n:=1;", either("n=0"))), (vec![one], 0));
+}
+
+/// A part counter of a shop: which part comes next is known only at run time.
+#[test]
+fn data_that_count_over_cycles_are_unknown() {
+    let parts = format!("VAR num n:=0;\nCONST robtarget p{{2}}:=[{},{}];", robtarget(0.0), robtarget(9.0));
+    let step = "ENDPROC\nPROC step()\nn:=n+1;\nMoveL p{n},v9,fine,tool0;";
+    assert_eq!(goes(&parts, &format!("step;\nstep;\n{step}")), (Vec::new(), 2));
+    assert_eq!(goes(&parts, &format!("n:=0;\nstep;\nstep;\n{step}")).0, [[0.0; 3], [9.0, 0.0, 0.0]]);
+}
+
+/// Everything that depends on a PERS robtarget which the program assigns is known only at run time.
+#[test]
+fn assigned_robtargets_are_unknown_wherever_they_are_read() {
+    use deflex_program::Predecessor;
+    let at = |text: &str| format!("PERS robtarget p:={};\n{text}", robtarget(1.0));
+    let indexed = at(&format!("CONST robtarget q{{2}}:=[{},{}];", robtarget(0.0), robtarget(9.0)));
+    assert_eq!(goes(&indexed, "MoveL q{p.trans.x},v9,fine,tool0;\np.trans.x:=2;"), (Vec::new(), 1));
+    let wobj = at("PERS wobjdata w:=[FALSE,TRUE,\"\",[[1,2,3],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];");
+    let frame = "w.oframe.trans:=p.trans;\nMoveL p1,v9,fine,tool0\\WObj:=w;\n";
+    assert_eq!(goes(&wobj, &format!("{frame}p.trans.x:=90;")), (Vec::new(), 1));
+    assert_eq!(goes(&wobj, frame).1, 0);
+    let text = module("MoveJ p,v1000,fine,tool0;\nMoveL p1,v20,fine,tool0;\np:=p2;")
+        .replace("PROC main", &format!("{}  PROC main", at("")));
+    let p = program(&text);
+    assert_eq!((p.targets[0].predecessor, p.unknown[0].reason), (Predecessor::Unknown, Reason::TargetChanged));
 }
 
 const TOOLS: &str = "PERS tooldata tA:=[TRUE,[[0,0,100],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];\n\

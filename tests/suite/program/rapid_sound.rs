@@ -616,18 +616,22 @@ fn numbers_that_are_not_decimal_are_written_as_they_are() {
     assert_eq!(position(&back.targets[0].goal), [11.25, -3.0, 10.5]);
 }
 
-/// Whoever starts a procedure finds data as the text has them, and not as another procedure left them.
+/// Whoever starts a procedure finds frames as the text has them, and not as another procedure left them. All other data may have any value.
 #[test]
 #[allow(clippy::float_cmp)] // numbers that are printed or given, to the bit
 fn procedures_that_nothing_calls_begin_with_the_text() {
     for main in ["", "PROC main()\nnI:=7;\nENDPROC\n"] {
         let text = format!(
-            "MODULE M\n{DATA}VAR num nI:=0;\n{main}PROC a()\nnI:=nI+5;\nPDispSet [[100,0,0],[1,0,0,0]];\nMoveL [[nI,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,t1;\n\
-             ENDPROC\nPROC b()\nMoveL Offs(p2,nI,0,0),v50,fine,t1;\nENDPROC\nENDMODULE\n"
+            "MODULE M\n{DATA}VAR num nI:=0;\n{main}PROC a()\nnI:=nI+5;\nw1.oframe.trans.x:=5;\nPDispSet [[100,0,0],[1,0,0,0]];\n\
+             MoveL p1,v50,fine,t1\\WObj:=w1;\nENDPROC\n\
+             PROC b()\nMoveL p2,v50,fine,t1\\WObj:=w1;\nMoveL Offs(p2,nI,0,0),v50,fine,t1;\nENDPROC\nENDMODULE\n"
         );
         let program = read(&text);
-        assert_eq!(position(&program.targets.last().unwrap().goal), [10.0, 20.0, 30.0], "{:?}", program.kept);
-        assert!(program.targets.last().unwrap().located);
+        let last = program.targets.last().unwrap();
+        assert_eq!(position(&last.goal), [10.0, 20.0, 30.0], "{:?}", program.kept);
+        assert_eq!(program.wobjs[usize::from(last.wobj)].data.unwrap().oframe_mm, [0.0; 3]);
+        assert!(last.located);
+        assert_eq!(program.unknown.len(), 1);
     }
 }
 

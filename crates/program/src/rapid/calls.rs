@@ -306,6 +306,9 @@ impl<'a> Runner<'a> {
         let here = super::known::Changes { own: Default::default(), ..changes };
         self.forget(&here, reason);
         self.state.modal.lose(here.switches);
+        if here.end_cycle {
+            self.ends_cycle();
+        }
         self.may_have_moved(id, &self.symbols.routine(id).body);
         let (bytes, theirs) = (self.bytes(scope.source as usize), self.bytes(id.file));
         let routine = self.symbols.routine(id);

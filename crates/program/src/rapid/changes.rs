@@ -2,10 +2,11 @@
 
 use super::expression::{Arguments, Call, Expression, ExpressionKind};
 use super::known::{Changes, Known, RoutineId};
+use super::lasting::LastingStates;
 use super::motion::{self, Shape};
 use super::predefined::{self, Function, Instruction};
 use super::state::Switches;
-use super::symbols::{Symbols, Upper};
+use super::symbols::{Content, Symbols, Upper};
 use super::tree::{Param, RoutineKind, Statement, StatementKind, Storage, statements};
 use crate::Reason;
 use std::cell::RefCell;
@@ -64,11 +65,13 @@ impl Changes {
         self.foreign.extend(callee.foreign.iter().cloned());
         self.anything |= callee.anything;
         self.switches |= callee.switches;
+        self.sets = self.sets.union(callee.sets);
+        self.end_cycle |= callee.end_cycle;
         before != (self.data.len(), self.own.len(), self.foreign.len(), self.flags())
     }
 
-    fn flags(&self) -> (bool, Switches) {
-        (self.anything, self.switches)
+    fn flags(&self) -> (bool, Switches, LastingStates, bool) {
+        (self.anything, self.switches, self.sets, self.end_cycle)
     }
 }
 
@@ -161,11 +164,15 @@ impl<'a> Symbols<'a> {
         for id in &ids {
             self.foreign_assigned.extend(routines[id].foreign.iter().cloned());
         }
+        assigned.extend(&at_any_moment.data);
         for at in assigned {
-            self.variables[at].assigned = true;
+            let variable = &mut self.variables[at];
+            variable.assigned = true;
+            if let Content::Is(unset) = &mut variable.content {
+                *unset = unset.left(Reason::TargetChanged);
+            }
         }
         for &at in &at_any_moment.data {
-            self.variables[at].assigned = true;
             self.variables[at].volatile = Some(Reason::Trap);
         }
         self.known = Known {
@@ -265,6 +272,7 @@ impl<'s, 'a> Scan<'s, 'a> {
                         self.symbols.find_routine(self.symbols.module_of(self.id), trap).is_none();
                 }
                 StatementKind::Mark(_) => self.out.changes.switches.marks = true,
+                StatementKind::Exit => self.out.changes.end_cycle = true,
                 _ => {}
             }
         }
@@ -357,6 +365,7 @@ impl<'s, 'a> Scan<'s, 'a> {
 
     fn instruction(&mut self, name: &[u8], arguments: &Arguments) {
         let known = predefined::instruction(name);
+        known.and_then(Instruction::lasting).into_iter().for_each(|state| self.out.changes.sets.insert(state));
         if known == Some(Instruction::Waits) {
             for name in arguments.positional.first().map_or_else(Vec::new, Expression::names) {
                 let found = self.find(&self.bytes[name.range()]);
@@ -377,6 +386,7 @@ impl<'s, 'a> Scan<'s, 'a> {
             Some(Instruction::Velocity) => self.out.changes.switches.velocity = true,
             Some(Instruction::ArcMode) => self.out.changes.switches.arcs = true,
             Some(Instruction::Configuration) => self.out.changes.switches.nearest = true,
+            Some(Instruction::Ends) => self.out.changes.end_cycle = true,
             Some(
                 Instruction::AxisOffsetSet
                 | Instruction::AxisOffsetOn
@@ -394,7 +404,6 @@ impl<'s, 'a> Scan<'s, 'a> {
                 Instruction::Nothing
                 | Instruction::Moves
                 | Instruction::ClearsPath
-                | Instruction::Ends
                 | Instruction::Raises
                 | Instruction::DisplacementOff
                 | Instruction::SoftOff

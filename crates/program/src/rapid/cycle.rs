@@ -2,11 +2,11 @@
 
 use super::expression::Expression;
 use super::known::RoutineId;
-use super::lasting::{Lasting, LastingStates};
-use super::runner::Runner;
+use super::lasting::LastingStates;
+use super::runner::{Mode, Runner};
 use super::state::{Begun, ModalState};
 use super::symbols::{Content, Upper};
-use super::tree::{RoutineKind, Statement, Storage, statements};
+use super::tree::{Storage, statements};
 use super::value::Value;
 use crate::{ToolData, WobjData};
 use deflex_text::{Diagnostic, Severity, Span};
@@ -33,61 +33,43 @@ impl Runner<'_> {
         }
     }
 
-    /// Records that an instruction sets a state that lasts.
-    pub(super) fn sets(&mut self, state: Lasting) {
-        self.state.modal.as_begun.remove(state);
-        if self.is_real() {
-            self.begun.set.insert(state);
-        }
-    }
-
     /// Records that a motion uses the states in force.
     pub(super) fn uses_states(&mut self) {
         self.begun.expected = self.begun.expected.union(self.state.modal.as_begun);
-        self.begun.passed = self.begun.passed.union(self.states_set());
     }
 
     /// Records that the cycle may end here.
     pub(super) fn ends_cycle(&mut self) {
-        if self.is_real() {
-            self.begun.left = self.begun.left.union(self.states_set());
+        if self.mode == Mode::Aside {
+            return;
         }
-    }
-
-    /// The states that are not as at the beginning.
-    fn states_set(&self) -> LastingStates {
-        self.state.modal.differing(&ModalState::default())
-    }
-
-    /// Whether a trap may end the cycle, which it may do at any moment.
-    fn traps_end_cycle(&self) -> bool {
-        let ends = |id: RoutineId| {
-            let bytes = self.bytes(id.file);
-            let calls = |statement: &&Statement| {
-                statement.call().is_some_and(|call| bytes[call.name.range()].eq_ignore_ascii_case(b"ExitCycle"))
-            };
-            statements(&self.symbols.routine(id).body).iter().any(calls)
+        self.begun.left = self.begun.left.union(self.state.modal.differing(&ModalState::default()));
+        let is_left = |at: &usize| {
+            let ends = self.state.values.get(at);
+            ends.is_some_and(|ends| have_other_frames(&self.begun.declared[at], ends))
         };
-        self.symbols.all().any(|id| {
-            let is_trap = self.symbols.routine(id).kind == RoutineKind::Trap;
-            is_trap && self.reached_from(id).into_iter().any(ends)
-        })
+        let left: Vec<usize> = self.begun.declared.keys().copied().filter(is_left).collect();
+        self.begun.left_data.extend(left);
+    }
+
+    /// Records the same where a trap, which runs at any moment, may end the cycle.
+    pub(super) fn may_be_interrupted(&mut self) {
+        if self.symbols.known.at_any_moment.end_cycle {
+            self.ends_cycle();
+        }
     }
 
     /// Warns of tools, work objects and lasting states that a motion uses as declared or as they are at the start, and that differ in the
     /// next cycle.
     pub(super) fn tell_next_cycle(&mut self, main: RoutineId) {
         self.ends_cycle();
-        let Begun { declared, used, set, expected, mut left, passed } = std::mem::take(&mut self.begun);
-        if self.traps_end_cycle() {
-            left = left.union(passed);
-        }
-        for (at, began) in declared.into_iter().filter(|(at, _)| used.contains(at)) {
-            let ends = self.content(at);
+        let Begun { used, expected, left, left_data, .. } = std::mem::take(&mut self.begun);
+        // Other messages report routines outside the files, which may set states too.
+        let sets = |set: LastingStates, id: &RoutineId| set.union(self.symbols.changed_by(*id).sets);
+        let set = self.reached.entered.iter().fold(LastingStates::default(), sets);
+        for at in used.intersection(&left_data).copied() {
             let data = &self.symbols.variables[at];
-            if let Some(declared) = data.declared
-                && have_other_frames(&began, &ends)
-            {
+            if let Some(declared) = data.declared {
                 let message = format!(
                     "at the end of `main`, `{}` differs from the value that its first motions expect",
                     data.name
@@ -105,16 +87,18 @@ impl Runner<'_> {
     /// both are not in the files, and their order decides.
     pub(super) fn tell_other_entries(&mut self, id: RoutineId, entries: &[RoutineId]) {
         let own = self.symbols.changed_by(id);
-        let mut changed: Vec<(String, RoutineId)> = Vec::new();
+        let named = self.data_named_in(id);
+        let (mut changed, mut used): (Vec<(String, RoutineId)>, Vec<(usize, RoutineId)>) = Default::default();
         for other in entries.iter().copied().filter(|other| *other != id) {
             let changes = self.symbols.changed_by(other);
-            let used = self.data_named_in(id).into_iter().filter(|at| changes.data.contains(at));
-            changed.extend(
-                used.map(|at| (format!("the value of `{}` in the text", self.symbols.variables[at].name), other)),
-            );
+            used.extend(named.intersection(&changes.data).map(|at| (*at, other)));
             let states = changes.switches.lasting().without(own.switches.lasting());
             changed.extend(states.iter().map(|state| (format!("{} as at the start", state.what()), other)));
         }
+        // All other data that the program assigns are unknown where a routine begins.
+        used.retain(|(at, _)| has_frames(&self.initial(*at)));
+        let value = |at: usize| format!("the value of `{}` in the text", self.symbols.variables[at].name);
+        changed.extend(used.into_iter().map(|(at, other)| (value(at), other)));
         changed.sort();
         changed.dedup_by(|a, b| a.0 == b.0);
         let name = |id: RoutineId| String::from_utf8_lossy(self.routine_name(id)).into_owned();
@@ -151,7 +135,12 @@ impl Runner<'_> {
     }
 }
 
-/// Whether a tool or work object in a value differs from that in another value. Arrays and records may hold several.
+/// Whether there is a tool or work object in a value. Arrays and records may hold several.
+fn has_frames(value: &Value) -> bool {
+    value.is_frame() || value.list().is_some_and(|items| items.iter().any(has_frames))
+}
+
+/// Whether a tool or work object in a value differs from that in another value.
 fn have_other_frames(a: &Value, b: &Value) -> bool {
     let frames = |value: &Value| (value.tool().map(ToolData::normalised), value.wobj().map(WobjData::normalised));
     let pair = (frames(a), frames(b));

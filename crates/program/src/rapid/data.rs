@@ -42,7 +42,7 @@ impl<'a> Runner<'a> {
             Content::Declared(initial) => *initial,
         };
         let (source, module, kind) = (variable.source, variable.module, Arc::clone(&variable.kind));
-        let (assigned, volatile, storage) = (variable.assigned, variable.volatile, variable.storage);
+        let (assigned, volatile) = (variable.assigned, variable.volatile);
         let local = at >= self.symbols.data;
         self.symbols.variables[at].content = Content::Busy;
         let mut value = self.evaluate(Scope { source, module, local, running: false }, initial);
@@ -57,10 +57,8 @@ impl<'a> Runner<'a> {
         if let Some(why) = volatile {
             value = Value::Unknown(why);
         } else if assigned {
-            // PERS data keep the values of the last run, which are not those of the text.
-            let lost =
-                storage == Storage::Pers && *kind != *b"TOOLDATA" && *kind != *b"WOBJDATA" && *kind != *b"ROBTARGET";
-            value = if lost { Value::Unknown(Reason::TargetChanged) } else { value.detached(Reason::TargetChanged) };
+            // Data of modules keep their values from one cycle to the next, those of routines begin anew in every call.
+            value = if local { value.detached(Reason::TargetChanged) } else { value.left(Reason::TargetChanged) };
         }
         self.symbols.variables[at].content = Content::Is(value.clone());
         value

@@ -68,6 +68,9 @@ impl<'a> Runner<'a> {
         let changes = self.symbols.changed_in(id, routine.on_error());
         self.forget(&changes, Reason::ByErrorHandler);
         self.state.modal.lose(changes.switches);
+        if changes.end_cycle {
+            self.ends_cycle();
+        }
         self.may_have_moved(id, routine.on_error());
     }
 

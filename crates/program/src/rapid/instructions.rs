@@ -46,7 +46,7 @@ impl<'a> Runner<'a> {
                 | Instruction::UnitOn
         );
         self.counters.events += u64::from(!in_head);
-        known.lasting().into_iter().for_each(|state| self.sets(state));
+        known.lasting().into_iter().for_each(|state| self.state.modal.as_begun.remove(state));
         match known {
             Instruction::Nothing => {}
             Instruction::Arguments => {

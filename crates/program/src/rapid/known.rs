@@ -1,5 +1,6 @@
 //! The data and states that routines change, as found by `changes`.
 
+use super::lasting::LastingStates;
 use super::state::Switches;
 use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap};
@@ -28,6 +29,10 @@ pub(super) struct Changes {
     pub(super) anything: bool,
     /// States, in addition to data, that they may switch.
     pub(super) switches: Switches,
+    /// The lasting states that their instructions set, without those that a routine outside the files could set.
+    pub(super) sets: LastingStates,
+    /// The cycle may end in them.
+    pub(super) end_cycle: bool,
 }
 
 /// The changes of each routine, and those that may happen at any moment.

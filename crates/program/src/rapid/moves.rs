@@ -134,6 +134,7 @@ impl<'a> Runner<'a> {
         }
         let at_any_moment = &mut self.symbols.known.at_any_moment;
         at_any_moment.switches |= changes.switches;
+        at_any_moment.end_cycle |= changes.end_cycle;
         self.state.modal.lose(Switches { marks: false, ..changes.switches });
     }
 

@@ -130,7 +130,9 @@ impl<'a> Runner<'a> {
     pub(super) fn statement(&mut self, statement: &'a Statement) -> Result<(), Stop> {
         let at = statement.at;
         self.count(at)?;
+        self.may_be_interrupted();
         match &statement.kind {
+            StatementKind::Exit => self.ends_cycle(),
             StatementKind::Assign(assignment) => {
                 self.begin_statement(at);
                 self.assignment(assignment);

@@ -312,12 +312,10 @@ pub(super) struct Begun {
     pub(super) declared: BTreeMap<usize, Value>,
     /// Those that a motion uses before any path assigns them.
     pub(super) used: BTreeSet<usize>,
-    /// The states that an instruction of the program sets. Routines that are not given may set them too, which other messages report.
-    pub(super) set: LastingStates,
     /// Those that a motion uses before an instruction sets them on every path.
     pub(super) expected: LastingStates,
-    /// Those that are not as at the beginning, at an `ExitCycle` or the end.
+    /// Those that are not as at the beginning where the cycle may end.
     pub(super) left: LastingStates,
-    /// The same at any motion.
-    pub(super) passed: LastingStates,
+    /// Tools and work objects of which the same is true.
+    pub(super) left_data: BTreeSet<usize>,
 }

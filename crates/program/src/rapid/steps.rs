@@ -153,8 +153,12 @@ impl<'a> Layout<'a> {
                 steps.returns(Placed { what: Action::Statements(std::slice::from_ref(statement)), at, within });
             }
             StatementKind::Raise => steps.branch(test(Decision::Continues), |_| (), Builder::halt),
+            StatementKind::Exit => {
+                steps.step(Placed { what: Action::Statements(std::slice::from_ref(statement)), at, within });
+                steps.halt();
+            }
             // These belong to handlers, which are not run; elsewhere they are errors.
-            StatementKind::Exit | StatementKind::Retry | StatementKind::TryNext => steps.halt(),
+            StatementKind::Retry | StatementKind::TryNext => steps.halt(),
             StatementKind::Goto(label) => steps.jump(label),
             StatementKind::Label(name) => steps.label(name),
             StatementKind::Assign(_) | StatementKind::Call(_) | StatementKind::Mark(_) | StatementKind::Connect(_) => {}

@@ -145,6 +145,23 @@ impl Value {
         }
     }
 
+    /// The value that an earlier cycle left in place of this one: unknown, but for tools and work objects, of which a note tells where
+    /// they differ.
+    pub(super) fn left(&self, why: Reason) -> Self {
+        match self {
+            Value::Unknown(_) => self.clone(),
+            _ if self.is_frame() => self.detached(why),
+            Value::List(items, _) => Value::List(items.iter().map(|v| v.left(why)).collect(), None),
+            Value::Target(pose) => parts(pose).left(why),
+            Value::Num(..) | Value::Bool(_) | Value::Text(_) => Value::Unknown(why),
+        }
+    }
+
+    /// Whether it is a tool or a work object.
+    pub(super) fn is_frame(&self) -> bool {
+        self.tool().is_some() || self.wobj().is_some()
+    }
+
     /// The value with numbers that have no tokens, as at the use of a variable. Robtargets keep theirs.
     pub(super) fn without_tokens(&self) -> Self {
         match self {

@@ -461,7 +461,7 @@ pub(super) const CASES: &[Case] = &[
         "an index within its array, and a handler",
         1,
         "VAR num n:=1; PERS wobjdata wv:=[FALSE,TRUE,\"\",[[1200,100,600],[1,0,0,0]],[[0,0,0],[1,0,0,0]]]; VAR num ns{2}:=[20,30];",
-        "rIn; MoveL [[20,35,115],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,t1\\WObj:=wv;",
+        "n:=1; rIn; MoveL [[20,35,115],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,fine,t1\\WObj:=wv;",
         "PROC rIn() n:=ns{n}; ERROR wv:=w2; TRYNEXT; ENDPROC",
     ),
     case(
