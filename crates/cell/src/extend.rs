@@ -182,6 +182,7 @@ pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagno
         path.insert("acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.acceleration))));
         path.insert("corner_acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.corner_acceleration))));
         path.insert("lag_s", numbers(law.lag.as_slice()));
+        path.insert("stop_s", Item::Value(float(rounded(law.stop))));
         path.insert("error_share", Item::Value(float(rounded(error_share))));
     }
     Ok(document.to_string())

@@ -110,6 +110,8 @@ pub(super) struct ControllerPath {
     pub(super) axis_lead_s2: [f64; 6],
     #[serde(default)]
     pub(super) lag_s: [f64; 6],
+    #[serde(default)]
+    pub(super) stop_s: f64,
     pub(super) zone_mm: Option<f64>,
     #[serde(default)]
     pub(super) error_share: f64,

@@ -430,13 +430,16 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
     for (key, values) in positive {
         check.positive(key, values);
     }
-    let slow = keys.smoothing_s.iter().flatten().chain(&keys.lag_s).any(|seconds| seconds.abs() > SLOWEST_S);
-    if slow {
-        let message = format!("[controller.path] smoothing_s and lag_s are at most {SLOWEST_S} s");
+    let times = keys.smoothing_s.iter().flatten().chain(&keys.lag_s).chain([&keys.stop_s]);
+    if times.copied().any(|seconds| seconds.abs() > SLOWEST_S) || keys.stop_s < 0.0 {
+        let message = format!(
+            "[controller.path] smoothing_s, lag_s and stop_s are at most {SLOWEST_S} s, and stop_s is not negative"
+        );
         check.error("controller.path", message, "these are seconds: 58 ms are 0.058");
     }
     check.finite("controller.path.axis_lead_s2", &keys.axis_lead_s2);
     check.finite("controller.path.lag_s", &keys.lag_s);
+    check.finite("controller.path.stop_s", &[keys.stop_s]);
     for (key, value) in [("controller.path.zone_mm", keys.zone_mm), ("controller.path.planning_s", keys.planning_s)] {
         check.positive(key, value.as_slice());
     }
@@ -456,6 +459,7 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
                 .axis_acceleration_deg_s2
                 .map_or(PathLaw::AS_WRITTEN.axis_acceleration, |limits| limits.map(f64::to_radians).into()),
             lag: keys.lag_s.into(),
+            stop: keys.stop_s,
         },
         zone: keys.zone_mm.map(|mm| 1e-3 * mm),
         error_share: keys.error_share,

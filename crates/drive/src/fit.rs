@@ -10,6 +10,7 @@ use deflex_robot::{Joints, Robot, turn_between};
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 use serde::{Serialize, Serializer};
+use std::ops::Range;
 
 /// Largest number of places of each log: half of them spread evenly along it, the others near the waypoints between its
 /// ends.
@@ -18,6 +19,8 @@ const PLACES: usize = 400;
 const BEND_S: f64 = 0.1;
 /// Largest acceleration across the path that a log may show, m/s²: twice that of gravity, which no milling arm reaches.
 const MOST_ACROSS: f64 = 20.0;
+/// Longest rest of a controller at a stop, s; the program waits where it is longer.
+const LONGEST_REST: f64 = 1.0;
 /// Resolution of a log, m.
 const RESOLVED: f64 = 5e-5;
 /// Standard deviation of a place of a log from the path of the law, m: the expected error of a law of a few numbers.
@@ -186,6 +189,9 @@ const SLOW: f64 = 0.5;
 struct Run<'a> {
     waypoints: &'a [Waypoint],
     places: Vec<LoggedPoint>,
+    /// The places of each section between two stops. How long the controller rests at a stop is not part of the way, and a program
+    /// may wait there.
+    sections: Vec<Range<usize>>,
     seconds: f64,
 }
 
@@ -308,8 +314,10 @@ impl PathError {
 struct Compared {
     /// Vector from the nearest point of the path to each place of the log, base frame, m.
     off: Vec<Vector3<f64>>,
-    /// Delay of the log at each place, s, less the mean delay and what the rate of the clock explains.
+    /// Delay of the log at each place, s, less the mean delay of its section and what the rate of the clock explains.
     late: Vec<f64>,
+    /// Delay from each section to the next one, s: by how much the log rests longer at the stop between them.
+    rests: Vec<f64>,
     /// By how much the clock runs faster, as a share.
     clock: f64,
     /// How long the computed run takes, s.
@@ -329,17 +337,26 @@ impl<'a> Run<'a> {
         }
         let mut lengths: Vec<f64> = even([0.0, length], PLACES / 2).collect();
         let inner = &waypoints[1..waypoints.len() - 1];
-        let mut passed = 0.0;
+        let (mut passed, mut stops) = (0.0, Vec::new());
         for waypoint in inner {
             let along = path.nearest(&waypoint.base_from_tcp.translation.vector, [passed, length]).along;
             let near = waypoint.zone.unwrap_or(0.0) + waypoint.feed * BEND_S;
             let ends = [(along - near).max(0.0), (along + near).min(length)];
             lengths.extend(even(ends, PLACES / 2 / inner.len()));
             passed = along;
+            if waypoint.zone.is_none() {
+                stops.push(along);
+            }
         }
         lengths.sort_by(f64::total_cmp);
+        let ends = stops.iter().map(|stop| lengths.partition_point(|length| length < stop)).chain([lengths.len()]);
+        let mut sections: Vec<Range<usize>> = Vec::new();
+        for end in ends {
+            let start = sections.last().map_or(0, |section| section.end);
+            sections.extend(Some(start..end).filter(|section| !section.is_empty()));
+        }
         let places = lengths.into_iter().map(|length| path.at(length)).collect();
-        Some(Self { waypoints, places, seconds: last.time - first.time })
+        Some(Self { waypoints, places, sections, seconds: last.time - first.time })
     }
 
     /// Duration of a driven path, from the first to the last point as [`Log::of_program`] finds them in a log, s.
@@ -398,16 +415,28 @@ impl<'a> Run<'a> {
             late.push(place.time - nearest.place.time);
         }
         #[allow(clippy::cast_precision_loss)]
-        let mean = |times: &mut dyn Iterator<Item = f64>| times.sum::<f64>() / self.places.len() as f64;
-        let (mean_late, mean_time) =
-            (mean(&mut late.iter().copied()), mean(&mut self.places.iter().map(|place| place.time)));
-        let since: Vec<f64> = self.places.iter().map(|place| place.time - mean_time).collect();
+        let mean = |times: &mut dyn ExactSizeIterator<Item = f64>| {
+            let count = times.len() as f64;
+            times.sum::<f64>() / count
+        };
+        let of_section = |section: &Range<usize>| {
+            let own = section.clone();
+            (mean(&mut late[own.clone()].iter().copied()), mean(&mut self.places[own].iter().map(|place| place.time)))
+        };
+        let means: Vec<(f64, f64)> = self.sections.iter().map(of_section).collect();
+        let each =
+            || self.sections.iter().zip(&means).flat_map(|(section, means)| section.clone().map(move |i| (i, means)));
+        let since: Vec<f64> = each().map(|(i, (_, mean_time))| self.places[i].time - mean_time).collect();
+        for (i, (mean_late, _)) in each() {
+            late[i] -= mean_late;
+        }
         let sum = |of: &dyn Fn(usize) -> f64| (0..since.len()).map(of).sum::<f64>();
         // The rate with the least sum of squares, its prior included.
         let clock =
             sum(&|i| since[i] * late[i]) / (sum(&|i| since[i].powi(2)) + (TIME_SIGMA / CLOCK_SIGMA / weight()).powi(2));
-        late.iter_mut().zip(&since).for_each(|(late, since)| *late -= mean_late + clock * since);
-        Ok(Compared { off, late, clock, seconds })
+        late.iter_mut().zip(&since).for_each(|(late, since)| *late -= clock * since);
+        let rest = |two: &[(f64, f64)]| two[1].0 - two[0].0 - clock * (two[1].1 - two[0].1);
+        Ok(Compared { off, late, rests: means.windows(2).map(rest).collect(), clock, seconds })
     }
 }
 
@@ -532,6 +561,7 @@ fn law_of(numbers: &DVector<f64>, of_axes: OfAxes) -> PathLaw {
             OfAxes::Lead => typical.lag,
             OfAxes::Lag => Joints::from_fn(|axis, _| LAG_SIGMA * numbers[SHARED + axis]),
         },
+        stop: typical.stop,
     }
 }
 
@@ -543,10 +573,22 @@ fn fit(robot: &Robot, runs: &[(usize, Run<'_>)], axis_acceleration: &Joints) -> 
     };
     let (lead, lag) = (of(OfAxes::Lead)?, of(OfAxes::Lag)?);
     let mut law = if lag.1 < lead.1 { lag.0 } else { lead.0 };
+    law.stop = rest_at_stops(robot, runs, &law)?;
     for number in law.axis_lead.iter_mut().chain(&mut law.lag).filter(|number| number.abs() < NEGLIGIBLE) {
         *number = 0.0;
     }
     Ok(law)
+}
+
+/// How much longer than a law without a rest the controller rests at a stop, s: the median, because a program may also wait at some stops.
+fn rest_at_stops(robot: &Robot, runs: &[(usize, Run<'_>)], law: &PathLaw) -> Result<f64, LogError> {
+    let compared = runs.par_iter().map(|(i, run)| {
+        run.compare(robot, Some(law)).map(|compared| compared.rests).map_err(|error| LogError::Path(*i, error))
+    });
+    let mut rests = compared.collect::<Result<Vec<_>, _>>()?.concat();
+    rests.retain(|rest| *rest < LONGEST_REST);
+    rests.sort_by(f64::total_cmp);
+    Ok(rests.get(rests.len() / 2).map_or(0.0, |median| median.max(0.0)))
 }
 
 /// Least squares by the method of Levenberg and Marquardt, with the prior as further rows: the law and its sum of squares.
@@ -565,7 +607,10 @@ fn fit_with(
         let rows = all?.into_iter().flat_map(|compared| {
             let off =
                 compared.off.into_iter().flat_map(|off| [off.x, off.y, off.z].map(|off| weight * off / PATH_SIGMA));
-            let late = compared.late.into_iter().map(|late| weight * late / TIME_SIGMA);
+            // How long the motion takes to start and to end is known from few places, but as well as the time at any other one.
+            let ends =
+                [compared.late.first(), compared.late.last()].map(|late| late.map_or(0.0, |late| late / TIME_SIGMA));
+            let late = compared.late.into_iter().map(|late| weight * late / TIME_SIGMA).chain(ends);
             off.chain(late).chain([compared.clock / CLOCK_SIGMA]).collect::<Vec<_>>()
         });
         Ok(DVector::from_vec(rows.chain(numbers.iter().copied()).collect()))

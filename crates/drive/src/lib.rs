@@ -74,6 +74,8 @@ pub struct PathLaw {
     /// Time by which each axis trails its command, s. The part that all axes have in common delays the motion without
     /// changing its path.
     pub lag: Joints,
+    /// Time for which the controller rests at a stop after the axes have come to rest, s.
+    pub stop: f64,
 }
 
 impl PathLaw {
@@ -86,6 +88,7 @@ impl PathLaw {
         corner_acceleration: 4.0,
         axis_acceleration: UNLIMITED,
         lag: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        stop: 0.0,
     };
 
     /// A controller without inertia, which drives corners as they are written.
@@ -98,12 +101,18 @@ impl PathLaw {
         corner_acceleration: f64::INFINITY,
         axis_acceleration: UNLIMITED,
         lag: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        stop: 0.0,
     };
 
     /// Time for which the controller still moves the axes after its path has ended, s.
     #[must_use]
     pub(crate) fn settling(&self) -> f64 {
         self.smoothing[0] + self.smoothing[1]
+    }
+
+    /// Time for which the route rests at a stop, s.
+    fn rest(&self) -> f64 {
+        self.settling() + self.stop
     }
 
     /// Standard deviation in time over which the two moving averages spread a command, s.
@@ -114,6 +123,9 @@ impl PathLaw {
 
     /// Largest speed (m/s) at which the route may pass a corner with a rounding of a radius (m).
     fn corner_speed(&self, corner: &Turn, radius: f64) -> f64 {
+        // At an even speed, a parabola bends most in its middle: with a turn of 2 sin h it does so there by 1/cos² h more than if the
+        // direction changed evenly over time.
+        let radius = radius * (1.0 - 0.25 * corner.tcp * corner.tcp).max(0.0);
         let axes = corner.axes.iter().zip(&self.axis_acceleration);
         let limits = axes.map(|(turn, most)| self.turning_speed(turn.abs(), *most, radius));
         limits.fold(self.turning_speed(corner.tcp, self.corner_acceleration, radius), f64::min)

@@ -7,6 +7,8 @@ use nalgebra::{Translation3, Vector3};
 /// Distance between two points of a route, m; between them the motor angles change evenly. On an arm of 1 m, which bends a straight
 /// path by 1/m at most away from its singularities, the error is 0.5 µm.
 const STEP: f64 = 2e-3;
+/// Distance of a chord from the arc that it replaces, m.
+const SAGITTA: f64 = 5e-7;
 /// Largest number of intervals of a corner or of a motion that bends or changes its speed; n chords miss a parabola by 1/(2 n²) of its
 /// height.
 const ENOUGH: usize = 16;
@@ -116,9 +118,9 @@ impl Segment {
             changes: [true; 2],
             bow: None,
         };
-        if length <= PARABOLA && turn <= PARABOLA_TURN {
+        if length <= PARABOLA && turn <= PARABOLA_TURN && segment.is_parabola() {
             let mean = (from.motor + to.motor) / 2.0;
-            let is_straight = segment.track.is_none() || length <= STEP && turn <= TURN;
+            let is_straight = segment.track.is_none() || length <= segment.step() && turn <= TURN;
             segment.bow = if is_straight {
                 Some(Joints::zeros())
             } else {
@@ -133,6 +135,23 @@ impl Segment {
             segment.rates = [rate([0.0, AT_END], &segment.from), rate([1.0 - AT_END, 1.0], &segment.to)];
         }
         segment
+    }
+
+    /// Radius of its arc, m; infinite for other segments.
+    fn arc_radius(&self) -> f64 {
+        let arc = self.track.as_ref().filter(|track| track.is_arc());
+        arc.map_or(f64::INFINITY, |arc| arc.length() / arc.angle())
+    }
+
+    /// Distance between two points, m: see [`STEP`] and [`SAGITTA`].
+    fn step(&self) -> f64 {
+        STEP.min((8.0 * self.arc_radius() * SAGITTA).sqrt())
+    }
+
+    /// Whether it is a parabola to [`SAGITTA`]. The parabola through the ends and the middle of an arc differs from the arc by its term of
+    /// third order, which is at most l³/(72 √3 r²).
+    fn is_parabola(&self) -> bool {
+        self.length.powi(3) <= 72.0 * 3f64.sqrt() * SAGITTA * self.arc_radius().powi(2)
     }
 
     /// Motor angles at a share of the segment, near known ones.
@@ -303,7 +322,8 @@ impl<'r> Router<'r> {
         }
         let is_even = segment.track.is_some() && segment.changes == [false; 2];
         let (speed, acceleration) = (segment.speed, self.law.acceleration);
-        let count = intervals(length, if is_even { segment.turn * (to - from) / TURN } else { f64::INFINITY });
+        let wanted = if is_even { segment.turn * (to - from) / TURN } else { f64::INFINITY };
+        let count = intervals(length, segment.step(), wanted);
         for k in 1..=count {
             let share = from + (to - from) * part(k, count);
             let motor = segment.motor(robot, share, &self.near)?;
@@ -341,7 +361,8 @@ impl<'r> Router<'r> {
         // lever of half a metre.
         let differs = (0.25 * radius).powi(2) + 0.5 * (turned / 8.0).powi(2);
         let is_sum = segment.bow.is_some() && next.bow.is_some() && differs <= FLAT;
-        let count = intervals(2.0 * radius, if is_path { bends } else { f64::INFINITY });
+        let step = segment.step().min(next.step());
+        let count = intervals(2.0 * radius, step, if is_path { bends } else { f64::INFINITY });
         // A parabola is shorter than the two segments that it rounds; a reorientation keeps its length.
         let shorter = |passed: f64| match &directions {
             [first, second] if *first != Vector3::zeros() && *second != Vector3::zeros() => {
@@ -393,10 +414,10 @@ fn sum(first: &Pose, second: &Pose, corner: &Pose) -> Pose {
     Pose::from_parts(Translation3::from(position), rotation)
 }
 
-/// Number of intervals of a length (m): at least `wanted`, at most [`ENOUGH`].
+/// Number of intervals of a length (m) that are at most `step` long (m): at least `wanted`, of which [`ENOUGH`] are enough.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::cast_precision_loss)]
-fn intervals(length: f64, wanted: f64) -> usize {
-    (length / STEP).max(wanted.min(ENOUGH as f64)).max(1.0).ceil() as usize
+fn intervals(length: f64, step: f64, wanted: f64) -> usize {
+    (length / step).max(wanted.min(ENOUGH as f64)).max(1.0).ceil() as usize
 }
 
 #[allow(clippy::cast_precision_loss)]

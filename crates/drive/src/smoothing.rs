@@ -100,7 +100,7 @@ impl Timeline {
             if last.rests {
                 let stopped = self.turn_last(velocity.norm());
                 velocity = Vector3::zeros();
-                self.moments.push(Moment { time: stopped.time + self.law.settling(), ..stopped });
+                self.moments.push(Moment { time: stopped.time + self.law.rest(), ..stopped });
             }
             let lasts = time - self.moments.last().map_or(0.0, |left| left.time);
             let next = if lasts > 0.0 { (knot.place - last.place) / lasts } else { velocity };
@@ -337,7 +337,7 @@ pub(super) fn responses(law: &PathLaw, route: &Route, times: &[f64], hats: &[[f6
     let end = times.last().copied().unwrap_or(0.0) + law.settling();
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let cells = (end / STEP_S).ceil() as usize + 2;
-    let progress = progress_in_cells(route, times, law.settling(), cells);
+    let progress = progress_in_cells(route, times, law.rest(), cells);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let margin = (law.settling() / STEP_S).ceil() as usize + 2;
     hats.par_iter()

@@ -6,6 +6,9 @@ use smallvec::{SmallVec, smallvec};
 
 /// Least length of a part of the way between two knots, as a share of it.
 const NO_PART: f64 = 1e-9;
+/// Largest error along the path of a place between two knots while the motion accelerates, m: less than half of what the logs of
+/// controllers resolve.
+const RAMP: f64 = 2e-5;
 
 /// A route with further knots where the motion begins or ends to accelerate between two knots, and the time (s) at each knot. At a stop the
 /// route rests until the axes have come to rest.
@@ -133,7 +136,7 @@ impl Clock {
         for (knot, square) in self.open.drain(..count).zip(self.squares.drain(..count)) {
             let mut time = 0.0;
             if let Some(before) = self.before {
-                time = before.time + if before.rests { self.law.settling() } else { 0.0 };
+                time = before.time + if before.rests { self.law.rest() } else { 0.0 };
                 let parts = parts([before.square, square], &knot);
                 let mut gone = 0.0;
                 for (n, (length, lasts)) in parts.iter().enumerate() {
@@ -159,9 +162,9 @@ impl Clock {
     }
 }
 
-/// Lengths (m) and durations (s) of the parts of the way to a knot on which the acceleration is the same: the motion accelerates up to the
-/// speed limit, keeps it, and brakes to the speed at the knot. `squares` are those of the speed at the start and at the end, m²/s².
-fn parts(squares: [f64; 2], knot: &Knot) -> SmallVec<[(f64, f64); 3]> {
+/// Lengths (m) and durations (s) of the parts of the way to a knot, along each of which the speed is nearly the same: the motion accelerates
+/// up to the speed limit, keeps it, and brakes to the speed at the knot. `squares` are those of the speed at the start and at the end, m²/s².
+fn parts(squares: [f64; 2], knot: &Knot) -> SmallVec<[(f64, f64); 8]> {
     let acceleration = knot.acceleration;
     // With an infinite acceleration, the arm has the speed limit of a stretch from its start to its end.
     if acceleration.is_infinite() {
@@ -174,10 +177,33 @@ fn parts(squares: [f64; 2], knot: &Knot) -> SmallVec<[(f64, f64); 3]> {
     // Rounding alone makes no part.
     let least = NO_PART * knot.length;
     if ways.iter().chain([&even]).filter(|way| **way > least).count() < 2 {
-        return smallvec![(knot.length, 2.0 * knot.length / (from + to))];
+        return ramp([from, to], 2.0 * knot.length / (from + to)).collect();
     }
-    let all = [(ways[0], (peak - from) / acceleration), (even, even / peak), (ways[1], (peak - to) / acceleration)];
-    all.into_iter().filter(|(length, _)| *length > least).collect()
+    let mut all = SmallVec::new();
+    if ways[0] > least {
+        all.extend(ramp([from, peak], (peak - from) / acceleration));
+    }
+    if even > least {
+        all.push((even, even / peak));
+    }
+    if ways[1] > least {
+        all.extend(ramp([peak, to], (peak - to) / acceleration));
+    }
+    all
+}
+
+/// Lengths (m) and durations (s) of parts of a motion whose speed (m/s) changes evenly over a time (s). A place between the ends of a part is
+/// off by [`RAMP`] at most if the speed is taken as the same along the part.
+fn ramp([from, to]: [f64; 2], lasts: f64) -> impl Iterator<Item = (f64, f64)> {
+    // In the middle of a time t with an acceleration a, the place differs from that at an even speed by a t²/8.
+    let off = (to - from).abs() * lasts / 8.0;
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let count = (off / RAMP).sqrt().ceil().max(1.0) as usize;
+    #[allow(clippy::cast_precision_loss)]
+    (0..count).map(move |k| {
+        let mean = from + (to - from) * (k as f64 + 0.5) / count as f64;
+        (mean * lasts / count as f64, lasts / count as f64)
+    })
 }
 
 /// A knot at a share of the way from one knot to another, at the end of a part of a length (m).

@@ -123,6 +123,38 @@ fn a_speed_that_is_never_reached_costs_the_time_of_the_acceleration() {
     assert_relative_eq!(time(&PLAIN).expect("samples"), 0.1, epsilon = 2.0 * SAMPLE_S);
 }
 
+/// Half a circle of 3 mm and a quarter of a circle of 1 mm, and how fast they are driven.
+#[test]
+fn small_arcs_are_driven_on_their_circles() {
+    let bench = Bench::new();
+    for (radius, degrees) in [(3.0, 180.0f64), (1.0, 90.0)] {
+        let at = |degrees: f64| {
+            let angle = degrees.to_radians();
+            [radius * angle.cos(), radius * angle.sin()]
+        };
+        let [x, y] = at(0.5 * degrees);
+        let from = bench.waypoint(at(0.0), Lead::Line, None);
+        let to = Waypoint { feed: 0.01, ..bench.waypoint(at(degrees), arc_through(bench.at(x, y)), None) };
+        let law = PathLaw { acceleration: 10.0, ..PLAIN };
+        let path = bench.driven(&law, &[from, to]);
+        for two in path.windows(2) {
+            assert_relative_eq!(two[0].norm(), radius, epsilon = 1e-3);
+            assert!((two[1] - two[0]).norm() < 1.01 * 10.0 * SAMPLE_S, "{} mm", (two[1] - two[0]).norm());
+        }
+    }
+}
+
+/// From rest at 1 m/s², a place is where the acceleration puts it, also before the first of the points that are 2 mm apart.
+#[test]
+fn a_ramp_begins_at_rest() {
+    let bench = Bench::new();
+    let path = bench.driven(&PathLaw { acceleration: 1.0, ..PLAIN }, &bench.corner(None));
+    for (k, place) in path.iter().take(20).enumerate() {
+        let time = SAMPLE_S * k as f64;
+        assert_relative_eq!(place.x, -100.0 + 1e3 * 0.5 * time * time, epsilon = 0.025);
+    }
+}
+
 #[test]
 fn a_corner_is_passed_as_slowly_as_the_acceleration_across_it_asks() {
     let law = PathLaw { smoothing: [0.06, 0.06], corner_acceleration: 4.0, ..PLAIN };
@@ -131,9 +163,9 @@ fn a_corner_is_passed_as_slowly_as_the_acceleration_across_it_asks() {
     let spread = (2.0 * 0.06f64.powi(2) / 12.0).sqrt();
     let corner = |tcp: f64| Turn { tcp, ..Turn::default() };
     assert_relative_eq!(law.corner_speed(&corner(turn), 0.0), 4.0 * spread / turn, epsilon = 1e-12);
-    // With a rounding of radius r it takes 2 r / v, if this is longer.
+    // With a rounding of radius r it takes 2 r / v, if this is longer. A parabola bends most in its middle: by 1/cos² 45° more than on average.
     let (radius, speed) = (0.01, law.corner_speed(&corner(turn), 0.01));
-    assert_relative_eq!(turn * speed / (2.0 * radius / speed), 4.0, epsilon = 1e-9);
+    assert_relative_eq!(turn * speed / (2.0 * radius / speed) / 0.5, 4.0, epsilon = 1e-9);
     assert_relative_eq!(law.corner_speed(&corner(turn), 1e-6), 4.0 * spread / turn, epsilon = 1e-12);
     assert!(law.corner_speed(&corner(0.0), 0.0).is_infinite());
     // An axis that turns by 1 rad/m, in either direction, and keeps 2 rad/s².
@@ -241,9 +273,34 @@ fn a_law_is_found_again_in_logs_that_it_made() {
     let logs: Vec<_> = runs.iter().map(|(waypoints, log)| (&waypoints[..], log)).collect();
     let found = fit_law(&bench.robot, &logs, &PLAIN.axis_acceleration).expect("five logs");
     assert_eq!((found.fitted_logs, found.held_out_logs), (4, 1));
-    assert!(found.after.max_mm < 0.1 * found.before.max_mm, "{found:?}");
+    assert!(found.after.max_mm < 0.2 * found.before.max_mm, "{found:?}");
     assert!((found.run_time_s.measured - found.run_time_s.predicted).abs() < 0.02, "{found:?}");
     assert_eq!(fit_law(&bench.robot, &logs[..1], &PLAIN.axis_acceleration).err(), Some(LogError::OneLog));
+}
+
+/// The rest at stops is no part of the way: it is found by itself, and does not pass for smoothing. One log also waits.
+#[test]
+fn a_rest_at_stops_is_found_in_logs() {
+    let bench = Bench::new();
+    let truth = PathLaw { smoothing: [0.012, 0.012], stop: 0.15, acceleration: 5.0, ..PathLaw::TYPICAL };
+    let cases =
+        [(0.05, None), (0.05, Some(5.0)), (0.1, None), (0.2, Some(1.0)), (0.2, None), (0.1, Some(10.0)), (0.03, None)];
+    let runs: Vec<(Vec<Waypoint>, Log)> = cases
+        .into_iter()
+        .map(|(feed, zone_mm)| {
+            let mut waypoints = bench.corner(zone_mm);
+            waypoints.iter_mut().for_each(|waypoint| waypoint.feed = feed);
+            let truth = PathLaw { stop: if feed < 0.04 { 0.9 } else { truth.stop }, ..truth };
+            let driven = drive(&bench.robot, &truth, &waypoints).expect("within reach");
+            let samples = driven.iter().map(|sample| LogSample { time: sample.time, motor: sample.motor }).collect();
+            (waypoints, Log { file: String::new(), samples })
+        })
+        .collect();
+    let logs: Vec<_> = runs.iter().map(|(waypoints, log)| (&waypoints[..], log)).collect();
+    let found = fit_law(&bench.robot, &logs, &PLAIN.axis_acceleration).expect("seven logs");
+    let rest = found.law.stop + found.law.smoothing.iter().sum::<f64>();
+    assert!((rest - 0.174).abs() < 0.02, "{:?}", found.law);
+    assert!(found.after.max_mm < 0.2 * found.before.max_mm, "{found:?}");
 }
 
 /// Whatever the waypoints say, the orientations of the tool in a log decide how the controller turns it on an arc.
