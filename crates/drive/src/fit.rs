@@ -21,6 +21,11 @@ const BEND_S: f64 = 0.1;
 const MOST_ACROSS: f64 = 20.0;
 /// Longest rest of a controller at a stop, s; the program waits where it is longer.
 const LONGEST_REST: f64 = 1.0;
+/// Share by which a rest of its own must lower the sum of squares: a controller whose axes alone decide how long it rests needs one number
+/// less, and predicts other speeds better (docs/driven-path.md).
+const REST_GAIN: f64 = 0.1;
+/// Difference of a rest from the median of all, in [`TIME_SIGMA`], from which on the program waits there.
+const WAITS: f64 = 5.0;
 /// Resolution of a log, m.
 const RESOLVED: f64 = 5e-5;
 /// Standard deviation of a place of a log from the path of the law, m: the expected error of a law of a few numbers.
@@ -39,6 +44,15 @@ enum OfAxes {
     Lead,
     /// The lag of each axis.
     Lag,
+}
+
+/// What decides how long a controller rests at a stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum RestsUntil {
+    /// The axes have come to rest.
+    Settled,
+    /// Something else, so that the rest says nothing about the axes.
+    Released,
 }
 
 /// Leads (s²) and lags (s) below this are rounding errors: an axis that did not move.
@@ -189,8 +203,7 @@ const SLOW: f64 = 0.5;
 struct Run<'a> {
     waypoints: &'a [Waypoint],
     places: Vec<LoggedPoint>,
-    /// The places of each section between two stops. How long the controller rests at a stop is not part of the way, and a program
-    /// may wait there.
+    /// The places of each section between two stops: how long the arm rests at a stop has no influence on the way between.
     sections: Vec<Range<usize>>,
     seconds: f64,
 }
@@ -567,20 +580,26 @@ fn law_of(numbers: &DVector<f64>, of_axes: OfAxes) -> PathLaw {
 
 /// The law that fits better: with a lead of each axis, or with a lag. Both have the same number of parameters.
 fn fit(robot: &Robot, runs: &[(usize, Run<'_>)], axis_acceleration: &Joints) -> Result<PathLaw, LogError> {
-    let of = |axes: OfAxes| {
+    let of = |axes: OfAxes, rests: RestsUntil| {
         let law = |numbers: &DVector<f64>| PathLaw { axis_acceleration: *axis_acceleration, ..law_of(numbers, axes) };
-        fit_with(robot, runs, &law)
+        fit_with(robot, runs, rests, &law)
     };
-    let (lead, lag) = (of(OfAxes::Lead)?, of(OfAxes::Lag)?);
-    let mut law = if lag.1 < lead.1 { lag.0 } else { lead.0 };
-    law.stop = rest_at_stops(robot, runs, &law)?;
+    let better = |a: (PathLaw, f64), b: (PathLaw, f64)| if b.1 < a.1 { b } else { a };
+    let settled = better(of(OfAxes::Lead, RestsUntil::Settled)?, of(OfAxes::Lag, RestsUntil::Settled)?);
+    let mut law = settled.0;
+    if runs.iter().any(|(_, run)| run.sections.len() > 1) {
+        let released = better(of(OfAxes::Lead, RestsUntil::Released)?, of(OfAxes::Lag, RestsUntil::Released)?);
+        if released.1 < (1.0 - REST_GAIN) * settled.1 {
+            law = PathLaw { stop: rest_at_stops(robot, runs, &released.0)?, ..released.0 };
+        }
+    }
     for number in law.axis_lead.iter_mut().chain(&mut law.lag).filter(|number| number.abs() < NEGLIGIBLE) {
         *number = 0.0;
     }
     Ok(law)
 }
 
-/// How much longer than a law without a rest the controller rests at a stop, s: the median, because a program may also wait at some stops.
+/// How much longer than its axes need the controller rests at a stop, s: the median, because a program may also wait at some stops.
 fn rest_at_stops(robot: &Robot, runs: &[(usize, Run<'_>)], law: &PathLaw) -> Result<f64, LogError> {
     let compared = runs.par_iter().map(|(i, run)| {
         run.compare(robot, Some(law)).map(|compared| compared.rests).map_err(|error| LogError::Path(*i, error))
@@ -595,6 +614,7 @@ fn rest_at_stops(robot: &Robot, runs: &[(usize, Run<'_>)], law: &PathLaw) -> Res
 fn fit_with(
     robot: &Robot,
     runs: &[(usize, Run<'_>)],
+    rests_until: RestsUntil,
     law_of: &(impl Fn(&DVector<f64>) -> PathLaw + Sync),
 ) -> Result<(PathLaw, f64), LogError> {
     let residuals = |numbers: &DVector<f64>| -> Result<DVector<f64>, LogError> {
@@ -603,15 +623,22 @@ fn fit_with(
             .par_iter()
             .map(|(i, run)| run.compare(robot, Some(&law)).map_err(|error| LogError::Path(*i, error)))
             .collect();
-        let weight = weight();
-        let rows = all?.into_iter().flat_map(|compared| {
+        let (weight, all) = (weight(), all?);
+        let mut rests: Vec<f64> = all.iter().flat_map(|compared| compared.rests.iter().copied()).collect();
+        rests.sort_by(f64::total_cmp);
+        let usual = rests.get(rests.len() / 2).copied().unwrap_or(0.0);
+        let rows = all.into_iter().flat_map(|compared| {
+            let is_usual = |rest: &f64| rests_until == RestsUntil::Settled && (rest - usual).abs() < WAITS * TIME_SIGMA;
+            let rests = compared.rests.iter().map(|rest| if is_usual(rest) { rest / TIME_SIGMA } else { 0.0 });
             let off =
                 compared.off.into_iter().flat_map(|off| [off.x, off.y, off.z].map(|off| weight * off / PATH_SIGMA));
-            // How long the motion takes to start and to end is known from few places, but as well as the time at any other one.
-            let ends =
-                [compared.late.first(), compared.late.last()].map(|late| late.map_or(0.0, |late| late / TIME_SIGMA));
+            // Without the rests, few places show how long the motion takes to start and to end; it is known as well as the time at any other place.
+            let ends = [compared.late.first(), compared.late.last()].map(|late| match rests_until {
+                RestsUntil::Settled => 0.0,
+                RestsUntil::Released => late.map_or(0.0, |late| late / TIME_SIGMA),
+            });
             let late = compared.late.into_iter().map(|late| weight * late / TIME_SIGMA).chain(ends);
-            off.chain(late).chain([compared.clock / CLOCK_SIGMA]).collect::<Vec<_>>()
+            off.chain(late).chain(rests).chain([compared.clock / CLOCK_SIGMA]).collect::<Vec<_>>()
         });
         Ok(DVector::from_vec(rows.chain(numbers.iter().copied()).collect()))
     };
