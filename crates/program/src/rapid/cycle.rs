@@ -88,7 +88,8 @@ impl Runner<'_> {
     pub(super) fn tell_other_entries(&mut self, id: RoutineId, entries: &[RoutineId]) {
         let own = self.symbols.changed_by(id);
         let named = self.data_named_in(id);
-        let (mut changed, mut used): (Vec<(String, RoutineId)>, Vec<(usize, RoutineId)>) = Default::default();
+        let mut changed: Vec<(String, RoutineId)> = Vec::new();
+        let mut used: Vec<(usize, RoutineId)> = Vec::new();
         for other in entries.iter().copied().filter(|other| *other != id) {
             let changes = self.symbols.changed_by(other);
             used.extend(named.intersection(&changes.data).map(|at| (*at, other)));
