@@ -152,16 +152,13 @@ pub struct FittedLaw {
     pub before: PathError,
     /// Distance of the held-out logs from the path that the law computes.
     pub after: PathError,
-    /// The part of these distances that is noise of the held-out logs, rms, mm.
-    #[serde(skip)]
-    pub noise_mm: f64,
     /// Durations of all held-out logs together.
     pub run_time_s: RunTime,
 }
 
 impl FittedLaw {
-    /// Share of the distance between driven and programmed path that the law does not explain in the held-out logs, 0 to 1, without the noise
-    /// of the logs; `None` if chance may have made the law predict these logs better than the programmed path does: it is not for use.
+    /// Share of the distance between driven and programmed path that the law does not explain in the held-out logs, 0 to 1; `None` if
+    /// chance may have made the law predict these logs better than the programmed path does: it is not for use.
     #[must_use]
     #[doc(hidden)]
     pub fn error_share(&self) -> Option<f64> {
@@ -169,9 +166,8 @@ impl FittedLaw {
         let numbers = ACROSS * INDEPENDENT * self.held_out_logs as f64;
         // The relative standard deviation of an rms of n independent numbers is 1/√(2n).
         let chance = SIGMAS / (2.0 * numbers).sqrt();
-        let without_noise = |rms_mm: f64| (rms_mm.powi(2) - self.noise_mm.powi(2)).max(0.0).sqrt();
-        let is_for_use = self.after.rms_mm / self.before.rms_mm < 1.0 - chance;
-        is_for_use.then(|| without_noise(self.after.rms_mm) / without_noise(self.before.rms_mm))
+        let share = self.after.rms_mm / self.before.rms_mm;
+        (share < 1.0 - chance).then_some(share)
     }
 }
 
@@ -209,8 +205,6 @@ struct Run<'a> {
     places: Vec<LoggedPoint>,
     /// The places of each section between two stops: how long the arm rests at a stop has no influence on the way between.
     sections: Vec<Range<usize>>,
-    /// Noise across the path, rms, m.
-    noise: f64,
     seconds: f64,
 }
 
@@ -255,7 +249,6 @@ pub fn fit_law(robot: &Robot, logs: &[(&[Waypoint], &Log)], axis_acceleration: &
         held_out_logs: held.len(),
         before: PathError::of(&before),
         after: PathError::of(&after),
-        noise_mm: 1e3 * rms(held.iter().map(|(_, run)| run.noise)),
         run_time_s: RunTime {
             measured: held.iter().map(|(_, run)| run.seconds).sum(),
             predicted: after.iter().map(|compared| compared.seconds).sum(),
@@ -350,9 +343,7 @@ impl<'a> Run<'a> {
         let (first, last) = (samples.first()?, samples.last()?);
         let place =
             |sample: &LogSample| LoggedPoint { at: tcp(robot, &sample.motor, tool), time: sample.time - first.time };
-        let places = in_step(samples.iter().map(place).collect());
-        let noise = noise_across(&places);
-        let path = Line::new(places);
+        let path = Line::new(in_step(samples.iter().map(place).collect()));
         let length = path.length();
         if length <= 0.0 {
             return None;
@@ -378,7 +369,7 @@ impl<'a> Run<'a> {
             sections.extend(Some(start..end).filter(|section| !section.is_empty()));
         }
         let places = lengths.into_iter().map(|length| path.at(length)).collect();
-        Some(Self { waypoints, places, sections, noise, seconds: last.time - first.time })
+        Some(Self { waypoints, places, sections, seconds: last.time - first.time })
     }
 
     /// Duration of a driven path, from the first to the last point as [`Log::of_program`] finds them in a log, s.
@@ -488,25 +479,6 @@ fn in_step(places: Vec<LoggedPoint>) -> Vec<LoggedPoint> {
     let keeps: Vec<bool> = places.windows(3).map(|around| !aside(around)).collect();
     let inner = |i: usize| i.checked_sub(1).and_then(|i| keeps.get(i)).copied().unwrap_or(true);
     places.iter().enumerate().filter(|(i, _)| inner(*i)).map(|(_, place)| *place).collect()
-}
-
-/// Standard deviation of the noise of places across the path, m. It is the median distance of a place from the middle between its
-/// neighbours: most places are on straight parts of the way, which are driven evenly.
-fn noise_across(places: &[LoggedPoint]) -> f64 {
-    // The difference of three numbers a − 2 b + c with the same noise has six times its variance. In three directions together, the median
-    // of its length is 1.538 standard deviations.
-    const MEDIAN: f64 = 1.538;
-    let apart = |three: &[LoggedPoint]| (three[0].at - three[1].at * 2.0 + three[2].at).norm();
-    let mut all: Vec<f64> = places.windows(3).map(apart).collect();
-    all.sort_by(f64::total_cmp);
-    let median = all.get(all.len() / 2).copied().unwrap_or(0.0);
-    ACROSS.sqrt() * median / (6f64.sqrt() * MEDIAN)
-}
-
-fn rms(numbers: impl ExactSizeIterator<Item = f64>) -> f64 {
-    #[allow(clippy::cast_precision_loss)]
-    let count = numbers.len().max(1) as f64;
-    (numbers.map(|number| number * number).sum::<f64>() / count).sqrt()
 }
 
 /// A path through places, by its length.
@@ -713,42 +685,20 @@ fn fit_with(
 
 #[cfg(test)]
 mod tests {
-    use super::{FittedLaw, LoggedPoint, PathError, PathLaw, RunTime, Vector3, in_step, noise_across};
+    use super::{FittedLaw, LoggedPoint, PathError, PathLaw, RunTime, Vector3, in_step};
 
     #[test]
     fn a_law_that_chance_explains_is_not_for_use() {
-        let found = |held_out_logs: usize, share: f64| {
+        let error_share = |held_out_logs: usize, share: f64| {
             let [before, after] = [0.3, 0.3 * share].map(|rms_mm| PathError { rms_mm, max_mm: 1.0 });
             let (law, run_time_s) = (PathLaw::TYPICAL, RunTime::default());
-            let noise_mm = 0.0;
-            FittedLaw { law, arc_turn: None, fitted_logs: 3, held_out_logs, before, after, noise_mm, run_time_s }
+            FittedLaw { law, arc_turn: None, fitted_logs: 3, held_out_logs, before, after, run_time_s }.error_share()
         };
-        let error_share = |held_out_logs: usize, share: f64| found(held_out_logs, share).error_share();
-        let noisy = FittedLaw { noise_mm: 0.03 * 0.8f64.sqrt(), ..found(5, 0.1) };
         // 40 numbers of a log: the rms is uncertain by 1/√80 of itself, 11 %.
         assert_eq!(error_share(1, 0.79), None);
         assert!(error_share(1, 0.76).is_some_and(|share| (share - 0.76).abs() < 1e-9));
         assert_eq!(error_share(10, 0.95), None);
         assert!(error_share(10, 0.9).is_some());
-        // Of 0.03 mm, noise is 0.0268 mm, so that the law leaves 0.0134 of 0.2988 mm.
-        assert!(noisy.error_share().is_some_and(|share| (share - 0.0449).abs() < 1e-4), "{:?}", noisy.error_share());
-    }
-
-    /// On a straight line at an even speed, the noise of each direction is 20 µm; twice as much counts across the path.
-    #[test]
-    fn the_noise_of_a_log_is_found() {
-        let mut state = 1u64;
-        let mut normal = || {
-            let mut even = || {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-                (state >> 11) as f64 / (1u64 << 53) as f64
-            };
-            (0..12).map(|_| even()).sum::<f64>() - 6.0
-        };
-        let at = |k: u32, noise: [f64; 3]| Vector3::new(1e-3 * f64::from(k), 0.0, 0.0) + Vector3::from(noise) * 2e-5;
-        let place = |k: u32, noise| LoggedPoint { at: at(k, noise), time: 4e-3 * f64::from(k) };
-        let places: Vec<_> = (0..2000).map(|k| place(k, [normal(), normal(), normal()])).collect();
-        assert!((noise_across(&places) / (2f64.sqrt() * 2e-5) - 1.0).abs() < 0.06, "{}", noise_across(&places));
     }
 
     /// At 300 mm/s a place every 8 ms; the arm bends its path by 0.64 mm there at most.
