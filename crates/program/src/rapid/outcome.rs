@@ -85,7 +85,8 @@ impl Runner<'_> {
             let target = &mut self.found.targets[i];
             let standing = Standing { source: target.source, start: target.span.start, root };
             let is_counted = self.found.counted_from.contains(&standing);
-            if is_counted && target.is_end() && !matches!(target.editable, Editable::No(_)) {
+            let is_open = !matches!(target.editable, Editable::No(why) if why != Reason::OffsetWithExpression);
+            if is_counted && target.is_end() && is_open {
                 target.editable = Editable::No(Reason::DisplacementCounts);
             }
         }

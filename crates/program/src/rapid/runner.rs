@@ -3,6 +3,7 @@
 use super::gathering::Gathering;
 use super::known::RoutineId;
 use super::literal::Literal;
+use super::pins::Origins;
 use super::ran::{Ran, Use};
 use super::state::{Begun, ModalState, Site, Standing, State};
 use super::steps::Routines;
@@ -211,8 +212,12 @@ pub(super) struct Numbers {
     pub(super) pinned_data: BTreeSet<usize>,
     /// Offsets that must not be edited, by their first number.
     pub(super) held: HashSet<SourceSpan>,
-    /// Literals that parameters stood for, by routine and name.
-    pub(super) given: HashMap<(RoutineId, Box<[u8]>), Vec<u32>>,
+    /// Robtargets that variables have held, by the number of the variable; without those of `read`.
+    pub(super) origins: HashMap<usize, Origins>,
+    /// Variables that were read where it is unknown which robtarget they hold.
+    pub(super) read: HashSet<usize>,
+    /// Robtargets that parameters and data of routines with handlers stood for, by routine and name.
+    pub(super) given: HashMap<(RoutineId, Box<[u8]>), Origins>,
     /// Names of literals as motions spell them.
     pub(super) names: HashMap<u32, Arc<str>>,
 }

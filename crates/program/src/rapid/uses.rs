@@ -80,7 +80,7 @@ impl<'a> Runner<'a> {
         };
         let changing: Vec<usize> = (0..self.symbols.data).filter(open).collect();
         for at in changing {
-            self.forget_data(at, Reason::ByHand);
+            self.lose_data(at, Reason::ByHand);
         }
         let mut anywhere = Switches::NONE;
         self.symbols.all().for_each(|id| anywhere |= self.symbols.changed_by(id).switches);
@@ -135,14 +135,14 @@ impl<'a> Runner<'a> {
             if !done.insert(name.clone()) {
                 continue;
             }
-            if let Some(data) = data.get(&name) {
-                if let Some(value) = &data.value {
+            if data.contains_key(&name) || parameters.contains(&name) {
+                if let Some(value) = data.get(&name).and_then(|data| data.value.as_ref()) {
                     self.numbers.pin_text(source, value);
                     names.extend(value.names());
                 }
-            } else if parameters.contains(&name) {
-                let given = self.numbers.given.get(&(id, name));
-                self.numbers.pinned.extend(given.into_iter().flatten());
+                if let Some(given) = self.numbers.given.remove(&(id, name)) {
+                    self.numbers.pin_origins(&given);
+                }
             } else if let Some(at) = self.symbols.find_data(module, &name) {
                 self.pin_read(at);
             }

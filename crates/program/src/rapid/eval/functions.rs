@@ -112,7 +112,7 @@ impl<'a> Runner<'a> {
             self.numbers.pin_value(&values[0]);
             return Value::Unknown(values[0].unknown().unwrap_or(Reason::Computed));
         };
-        let step = OffsetStep { offset_mm, tokens, in_tool, turn };
+        let step = OffsetStep { offset_mm, tokens, in_tool, turn, stated_mm: [None; 3] };
         let mut pose = (*base).clone();
         (pose.written.position_mm, pose.written.quat) = step.apply(pose.written.position_mm, pose.written.quat);
         if pose.root.is_some() {
