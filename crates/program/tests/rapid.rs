@@ -775,3 +775,40 @@ fn initial_values_that_are_copies_hold_the_target() {
         assert_eq!(new.contains(P1_MOVED), global.is_empty(), "{new}");
     }
 }
+
+/// A number that people read drives nothing, unlike one that a program or a machine gets.
+#[test]
+fn instructions_that_only_show_a_target_do_not_hold_it() {
+    let is_moved = |show: &str, more: &str| {
+        let body = format!("pT:=p1;\n{show}\nMoveL p1,v20,fine,tool0;\nMoveJ pT,v9,fine,tool0;");
+        moved(&with_copies(&body, more)).contains(P1_MOVED)
+    };
+    let function = "FUNC num f(num x)\nPDispSet [[x,0,0],[1,0,0,0]];\nRETURN x;\nENDFUNC";
+    for show in [
+        "TPWrite \"x=\"\\Num:=p1.trans.x;",
+        "TPWrite \"p=\"\\Pos:=pT.trans;",
+        "ErrWrite \"x\",\"at \"+NumToStr(p1.trans.x,1)\\RL2:=NumToStr(Distance(p1.trans,p2.trans),1);",
+        "UIMsgBox NumToStr(pT.trans.x+1,1);",
+    ] {
+        assert!(is_moved(show, function), "{show}");
+        assert!(
+            is_moved(
+                &format!("WaitDI di,1\\MaxTime:=2;\n{show}"),
+                &format!("TRAP t\n{}\nENDTRAP", show.replace("pT", "p1"))
+            ),
+            "{show}"
+        );
+    }
+    for read in [
+        "Write io,\"x=\"\\Num:=p1.trans.x;",
+        "SetAO ao,p1.trans.x;",
+        "SocketSend s\\Str:=NumToStr(p1.trans.x,1);",
+        "TPWrite \"x=\"\\Num:=f(p1.trans.x);",
+        "TPWrite \"x=\"\\Num:=g(p1.trans.x);",
+        "n:=p1.trans.x;\nTPWrite \"x=\"\\Num:=n;",
+    ] {
+        assert!(!is_moved(read, function), "{read}");
+    }
+    let own = "PROC TPWrite(string s\\num Num)\nPDispSet [[Num,0,0],[1,0,0,0]];\nENDPROC";
+    assert!(!is_moved("TPWrite \"x=\"\\Num:=p1.trans.x;", own));
+}

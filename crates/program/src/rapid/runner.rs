@@ -92,6 +92,8 @@ pub(super) struct Runner<'a> {
     pub(super) is_recording: bool,
     /// The mark before the first routine.
     pub(super) mark_at_start: Option<Mark>,
+    /// Whether the expression that is evaluated is only shown to people, so that reading a robtarget does not hold it.
+    pub(super) is_shown: bool,
     pub(super) errors: Errors,
     pub(super) units: Units,
     pub(super) budget: Budget,

@@ -125,6 +125,9 @@ impl<'a> Runner<'a> {
         let parameters: HashSet<Box<[u8]>> = routine.params.iter().map(|param| key(param.name)).collect();
         let mut names = Vec::new();
         for statement in all {
+            if statement.call().is_some_and(|call| self.only_shows(module, call, bytes)) {
+                continue;
+            }
             statement.each(&mut |part| {
                 self.numbers.pin_part(source, part);
                 names.extend(part.is_name().then_some(part.span));
