@@ -812,3 +812,57 @@ fn instructions_that_only_show_a_target_do_not_hold_it() {
     let own = "PROC TPWrite(string s\\num Num)\nPDispSet [[Num,0,0],[1,0,0,0]];\nENDPROC";
     assert!(!is_moved("TPWrite \"x=\"\\Num:=p1.trans.x;", own));
 }
+
+/// Handlers, traps and routines without a caller may retract above a target: they do so from where they did before.
+#[test]
+fn motions_elsewhere_above_a_target_stay_in_place() {
+    let main = "MoveL p1,v20,fine,tool0;\nWaitDI di,1\\MaxTime:=2;\n";
+    let places = |motion: &str| {
+        [
+            (format!("{main}ERROR\n{motion}\nTRYNEXT;"), String::new()),
+            (main.to_owned(), format!("TRAP t\n{motion}\nENDTRAP")),
+            (main.to_owned(), format!("FUNC num f()\n{motion}\nRETURN 1;\nENDFUNC")),
+            (main.to_owned(), format!("PROC back()\n{motion}\nENDPROC")),
+            (main.to_owned(), format!("TRAP t\nback;\nENDTRAP\nPROC back()\n{motion}\nENDPROC")),
+        ]
+    };
+    for (motion, new) in [
+        ("MoveL Offs(p1,0,0,50),v500,fine,tool0;", "Offs(p1,-0.2500,0,50)"),
+        ("MoveJ RelTool(p1,5,0,-50),v500,fine,tool0;", "RelTool(p1,4.7500,0,-50)"),
+        ("IF DInput(di)=1 MoveL Offs(p1,0.25,0,50),v500,fine,tool0;", "Offs(p1,0.0000,0,50)"),
+    ] {
+        for (body, more) in places(motion) {
+            let text = moved(&with_copies(&body, &more));
+            assert!(text.contains(P1_MOVED) && text.contains(new), "{text}");
+        }
+    }
+    for motion in [
+        "MoveL p1,v500,fine,tool0;",
+        "MoveL Offs(p1,0,0,n),v500,fine,tool0;",
+        "MoveL Offs(Offs(p1,0,0,1),0,0,50),v500,fine,tool0;",
+        "MoveL RelTool(p1,0,0,50\\Rz:=90),v500,fine,tool0;",
+        "MoveC Offs(p1,9,0,50),Offs(p1,0,9,50),v500,fine,tool0;",
+        "MoveL Offs(p1,0,0,50),v500\\V:=p1.trans.x,fine,tool0;",
+        "pT:=Offs(p1,0,0,50);\nMoveL pT,v500,fine,tool0;",
+        "MoveL Offs(p1,0,0,50),v500,fine,tool0;\nMoveL p1,v500,fine,tool0;",
+        "rGo Offs(p1,0,0,50);",
+    ] {
+        // A routine without a caller is run by itself.
+        for (body, more) in places(motion).into_iter().filter(|(_, more)| !more.starts_with("PROC")) {
+            let text = moved(&with_copies(&body, &more));
+            assert!(!text.contains(P1_MOVED) && text.contains(motion), "{text}");
+        }
+    }
+    // The name is another one there.
+    let body = format!(
+        "VAR robtarget p1:={OTHER};\nMoveL p1,v20,fine,tool0;\nWaitDI di,1\\MaxTime:=2;\nERROR\nMoveL Offs(p1,0,0,50),v9,fine,tool0;\nTRYNEXT;"
+    );
+    let text = moved(&with_copies(&body, ""));
+    assert!(!text.contains("7.25") && text.contains("Offs(p1,0,0,50)"), "{text}");
+    // Where the program itself runs the statement, it cuts.
+    let text = moved(&with_copies(
+        "back;\nMoveL p1,v20,fine,tool0;",
+        "TRAP t\nback;\nENDTRAP\nPROC back()\nMoveL Offs(p1,0,0,50),v20,fine,tool0;\nENDPROC",
+    ));
+    assert!(!text.contains(P1_MOVED) && text.contains("Offs(p1,0,0,50)"), "{text}");
+}

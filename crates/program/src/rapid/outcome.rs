@@ -33,6 +33,7 @@ impl Runner<'_> {
         let plain = self.plain(files);
         let streamable = plain && self.inline();
         self.refuse_what_calls_itself();
+        self.hold_what_cannot_stand();
         // One refusal may lead to another.
         loop {
             let before = self.refused();
@@ -49,6 +50,7 @@ impl Runner<'_> {
             literals: Arc::new(self.numbers.literals),
             sites: self.found.sites,
             offsets: self.found.offsets,
+            standing: Arc::new(self.found.standing),
             motions: self.counters.motions as usize,
             streamable,
             plain,

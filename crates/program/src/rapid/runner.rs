@@ -244,6 +244,10 @@ pub(super) struct Found {
     /// One per target.
     pub(super) sites: Vec<TargetInText>,
     pub(super) offsets: Vec<Offset>,
+    /// See [`Layout::standing`](super::Layout).
+    pub(super) standing: Vec<Offset>,
+    /// The roots and first numbers of these.
+    pub(super) standing_places: HashSet<(u32, Option<SourceSpan>)>,
     /// Motions without a target.
     pub(super) unknown: Vec<UnknownMotion>,
     /// The place of the last target.

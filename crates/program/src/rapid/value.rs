@@ -53,6 +53,11 @@ impl OffsetStep {
     /// A step that changes nothing.
     const NONE: Self = Self { offset_mm: [0.0; 3], tokens: None, in_tool: false, turn: NO_TURN, stated_mm: [None; 3] };
 
+    /// A step with its numbers in the text.
+    pub(super) fn of(offset_mm: [f64; 3], tokens: [SourceSpan; 3], in_tool: bool) -> Self {
+        Self { offset_mm, tokens: Some(tokens), in_tool, ..Self::NONE }
+    }
+
     /// The position of its first number, if all three are literals.
     pub(super) fn place(&self) -> Option<SourceSpan> {
         self.tokens.map(|tokens| tokens[0])
