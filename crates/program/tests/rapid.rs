@@ -673,7 +673,10 @@ fn copies_that_anything_else_reads_hold_the_target() {
     assert!(moved(&with_copies(main, "")).contains(P1_MOVED));
     // The copy is read.
     for read in ["n:=pT.trans.z;", "IF pT.trans.x>5 Stop;", "Set fAt(pT);", "IF pT=p2 Stop;", "WaitTime pT.trans.x;"] {
-        stays(&main.replace("MoveL", &format!("{read}\nMoveL")), "FUNC num fAt(robtarget q)\nRETURN 1;\nENDFUNC");
+        stays(
+            &main.replace("MoveL", &format!("{read}\nMoveL")),
+            "FUNC num fAt(robtarget q)\nRETURN q.trans.x;\nENDFUNC",
+        );
     }
     stays(&format!("{main}rLog pT;\n"), "");
     // The copy cuts, away from the target.
@@ -865,4 +868,42 @@ fn motions_elsewhere_above_a_target_stay_in_place() {
         "TRAP t\nback;\nENDTRAP\nPROC back()\nMoveL Offs(p1,0,0,50),v20,fine,tool0;\nENDPROC",
     ));
     assert!(!text.contains(P1_MOVED) && text.contains("Offs(p1,0,0,50)"), "{text}");
+}
+
+#[test]
+fn functions_that_only_return_an_expression_are_followed() {
+    let is_moved = |motion: &str, function: &str| {
+        let text = with_copies(&format!("{motion}\nMoveL p1,v20,fine,tool0;"), function);
+        holds(&program(&text));
+        moved(&text).contains(P1_MOVED)
+    };
+    let above = "MoveJ fAbove(p1),v1000,fine,tool0;";
+    for (returned, more) in [
+        ("Offs(q,0,0,50)", ""),
+        ("Offs(q,0,0,nSafe+2*5)", "CONST num nSafe:=50;\n"),
+        ("RelTool(q,0,0,-50\\Rz:=90)", ""),
+        ("q", ""),
+    ] {
+        let function = format!("{more}FUNC robtarget fAbove(robtarget q)\nRETURN {returned};\nENDFUNC");
+        assert!(is_moved(above, &function), "{returned}");
+        assert!(is_moved(&format!("pT:=fAbove(p1);\n{}", above.replace("fAbove(p1)", "pT")), &function), "{returned}");
+        // A cut there is held by its numbers, which belong to all calls.
+        assert_eq!(is_moved("MoveL fAbove(p1),v9,fine,tool0;", &function), returned == "q", "{returned}");
+        // A trap calls it too.
+        let trap = format!("{function}\nTRAP t\nMoveJ fAbove(p1),v1000,fine,tool0;\nENDTRAP");
+        assert!(!is_moved(above, &trap), "{returned}");
+    }
+    let of = |head: &str, body: &str| format!("FUNC robtarget fAbove({head} q)\n{body}\nENDFUNC");
+    for function in [
+        of("VAR robtarget", "RETURN Offs(q,0,0,50);"),
+        of("robtarget", "Incr n;\nRETURN Offs(q,0,0,50);"),
+        of("robtarget", "RETURN Offs(q,0,0,AInput(ai));"),
+        of("robtarget", "RETURN Offs(q,0,0,100/n);"),
+        of("robtarget", "RETURN Offs(q,0,0,q.trans.x);"),
+        of("robtarget", "RETURN rElse(q);"),
+        of("robtarget", "RETURN fAbove(q);"),
+        of("robtarget", "RETURN Offs(q,0,0,50);\nERROR\nRETURN q;"),
+    ] {
+        assert!(!is_moved(above, &function), "{function}");
+    }
 }
