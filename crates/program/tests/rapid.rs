@@ -112,13 +112,14 @@ fn marks_hold_in_running_order() {
 }
 
 #[test]
-fn targets_changed_at_run_time_are_kept() {
+fn targets_changed_by_known_numbers_depend_on_their_base() {
     let p = program(
         "MODULE M\nVAR robtarget p;\nCONST robtarget q:=[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\nPROC main()\np:=q;\n\
          MoveL p,v100,fine,tool0;\np.trans.z:=p.trans.z+5;\nMoveL p,v100,fine,tool0;\nENDPROC\nENDMODULE",
     );
     assert_eq!(positions(&p), [[1.0, 2.0, 3.0], [1.0, 2.0, 8.0]]);
-    assert!(p.targets.iter().all(|t| matches!(t.editable, Editable::No(_))));
+    let editable: Vec<Editable> = p.targets.iter().map(|target| target.editable).collect();
+    assert_eq!(editable, [Editable::Pose, Editable::No(Reason::OffsetWithExpression)]);
     holds(&p);
 }
 
@@ -567,4 +568,342 @@ fn each_module_means_its_own_names() {
     let names = "MODULE Names\nPROC rNames()\nMoveJ p9,v50,fine,tool0;\nENDPROC\nENDMODULE\n";
     let point = one.replace("p1", "p9").replace("rOwn;", "");
     assert!(matches!(editable(&read(&[&point], &[names])), Editable::No(_)));
+}
+
+/// A module around the body of `main`, with three declared targets and a variable, and more declarations and routines.
+fn with_copies(body: &str, more: &str) -> String {
+    module(body).replace("  PROC main", &format!("  VAR robtarget pT;\n  VAR num n;\n{more}\n  PROC main"))
+}
+
+/// The text with 0.25 mm added to x of each target that can be edited, if the joint motions go through air. Checks that every motion comes
+/// out where the rewriting says, also if the text is read again.
+fn moved(text: &str) -> String {
+    let p = program(text);
+    let air: Vec<bool> = p.targets.iter().map(|target| target.motion == deflex_program::Motion::Joint).collect();
+    let options = RewriteOptions { air: &air, ..RewriteOptions::default() };
+    let change = |[x, y, z]: [f64; 3]| Change { position_mm: [x + 0.25, y, z], quat: None, conf: None, external: None };
+    let is_open = |target: &deflex_program::Target| matches!(target.editable, Editable::Pose | Editable::Position);
+    let changes: Vec<Option<Change>> = p
+        .targets
+        .iter()
+        .zip(&air)
+        .map(|(target, air)| match target.goal {
+            Goal::Pose { position_mm, .. } if !air && is_open(target) => Some(change(position_mm)),
+            _ => None,
+        })
+        .collect();
+    let rewritten = p.rewrite(&changes, &[], &options);
+    let new = rewritten_text(&p, &rewritten.edits[0]);
+    let again = program(&new);
+    for (i, at) in positions(&again).into_iter().enumerate() {
+        let differs = (0..3).any(|k| (at[k] - rewritten.written[i].0[k]).abs() > 1e-4);
+        assert!(!differs, "motion {i} of\n{new}\nis at {at:?}, not {:?}", rewritten.written[i]);
+        let is_corrected = changes[i].is_some() && !rewritten.kept.iter().any(|kept| kept.0 == i);
+        let goes = is_corrected || rewritten.along.contains(&i);
+        assert!(goes || positions(&p)[i] == at, "motion {i} of\n{new}\nmoves without a word");
+    }
+    new
+}
+
+fn rewritten_text(program: &Program, edits: &[deflex_text::Edit]) -> String {
+    String::from_utf8_lossy(&applied(&program.sources[0].bytes, edits)).into_owned()
+}
+
+const P1_MOVED: &str = "p1:=[[1.2500,2,3]";
+const ONE: &str = "[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+const OTHER: &str = "[[7,8,9],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]]";
+
+#[test]
+fn copies_above_a_target_go_along_with_it() {
+    let cut = "MoveL p1,v20,fine,tool0;\n";
+    for (copy, at) in [
+        ("pT:=p1;\npT.trans.z:=pT.trans.z+50;\n", [1.0, 2.0, 53.0]),
+        ("pT:=p1;\npT.trans.z:=p1.trans.z+2*nSafe-10;\n", [1.0, 2.0, 93.0]),
+        ("pT:=p1;\npT.trans.x:=pT.trans.x-5;\npT.trans.z:=p1.trans.z+50;\n", [-4.0, 2.0, 53.0]),
+        ("pT:=p1;\npT.trans:=pT.trans+[0,0,50];\n", [1.0, 2.0, 53.0]),
+        ("pT:=p1;\npT.trans.z:=200;\n", [1.0, 2.0, 200.0]),
+        ("pT:=p1;\npT.trans.z:=nSafe;\npT.trans.z:=pT.trans.z+5;\n", [1.0, 2.0, 55.0]),
+        ("pT:=Offs(p1,0,0,nSafe);\n", [1.0, 2.0, 53.0]),
+        ("pT:=p1;\nFOR i FROM 1 TO 5 DO\npT.trans.z:=pT.trans.z+10;\nENDFOR\n", [1.0, 2.0, 53.0]),
+    ] {
+        for around in [["", ""], ["WHILE DInput(di)=0 DO\n", "ENDWHILE\n"], ["IF DInput(di)=0 THEN\n", "ENDIF\n"]] {
+            let [before, after] = around;
+            let body = format!("{before}{copy}MoveJ pT,v1000,fine,tool0;\n{cut}{after}");
+            let text = with_copies(&body, "CONST num nSafe:=50;");
+            assert_eq!(positions(&program(&text)), [at, [1.0, 2.0, 3.0]], "{copy}");
+            let new = moved(&text);
+            assert!(new.contains(P1_MOVED), "{new}");
+            assert!((positions(&program(&new))[0][0] - at[0] - 0.25).abs() < 1e-4, "{new}");
+            holds(&program(&text));
+        }
+    }
+    // A handler, a trap and a routine without a caller that read other data.
+    let body = format!("pT:=p1;\npT.trans.z:=pT.trans.z+50;\nMoveJ pT,v1000,fine,tool0;\n{cut}");
+    for (end, more) in [
+        ("WaitDI di,1\\MaxTime:=2;\nERROR\nn:=1;\nTRYNEXT;\n", ""),
+        ("WaitDI di,1\\MaxTime:=2;\nERROR\nMoveJ p2,v1000,fine,tool0;\nRETRY;\n", ""),
+        ("", "TRAP t\nMoveJ p2,v1000,fine,tool0;\nENDTRAP"),
+        ("", "PROC back()\nMoveJ p2,v1000,fine,tool0;\nENDPROC"),
+        ("above p1;\n", "PROC above(robtarget q)\nq.trans.z:=q.trans.z+9;\nMoveJ q,v9,fine,tool0;\nENDPROC"),
+        (
+            "above pT;\n",
+            "PROC above(VAR robtarget q)\nq:=p1;\nq.trans.z:=q.trans.z+9;\nMoveJ q,v9,fine,tool0;\nENDPROC",
+        ),
+    ] {
+        let new = moved(&with_copies(&format!("{body}{end}"), more));
+        assert!(new.contains(P1_MOVED), "{new}");
+    }
+    // Back at the target, it is the target.
+    let body = format!(
+        "pT:=p1;\npT.trans.z:=pT.trans.z+5;\nMoveJ pT,v9,fine,tool0;\npT.trans.z:=pT.trans.z-5;\n{}",
+        "MoveL pT,v9,fine,tool0;"
+    );
+    let new = moved(&with_copies(&body, ""));
+    assert!(new.contains(P1_MOVED), "{new}");
+}
+
+/// Each of these could use the numbers of `p1` elsewhere.
+#[test]
+fn copies_that_anything_else_reads_hold_the_target() {
+    let main = "pT:=p1;\npT.trans.z:=pT.trans.z+50;\nMoveJ pT,v1000,fine,tool0;\nMoveL p1,v20,fine,tool0;\n";
+    let stays = |body: &str, more: &str| {
+        let new = moved(&with_copies(body, more));
+        assert!(!new.contains(P1_MOVED), "{new}");
+    };
+    assert!(moved(&with_copies(main, "")).contains(P1_MOVED));
+    // The copy is read.
+    for read in ["n:=pT.trans.z;", "IF pT.trans.x>5 Stop;", "Set fAt(pT);", "IF pT=p2 Stop;", "WaitTime pT.trans.x;"] {
+        stays(
+            &main.replace("MoveL", &format!("{read}\nMoveL")),
+            "FUNC num fAt(robtarget q)\nRETURN q.trans.x;\nENDFUNC",
+        );
+    }
+    stays(&format!("{main}rLog pT;\n"), "");
+    // The copy cuts, away from the target.
+    stays(&main.replace("MoveJ pT", "MoveL pT"), "");
+    // It is another target on one path.
+    stays(&main.replace("MoveJ", "IF DInput(di)=1 pT:=p2;\nMoveJ"), "");
+    stays(&main.replace("MoveJ", "IF DInput(di)=1 pT.trans.x:=n;\nMoveJ"), "");
+    stays(&main.replace("pT.trans.z+50", "pT.trans.z+AInput(ai)"), "");
+    // The next cycle, or another entry, still has the copy.
+    stays(&format!("MoveJ pT,v1000,fine,tool0;\n{main}"), "");
+    stays(&format!("IF DInput(di)=1 pT:=p2;\nMoveJ pT,v1000,fine,tool0;\n{main}"), "");
+    stays(&format!("pT.rot:=[1,0,0,0];\nMoveJ pT,v1000,fine,tool0;\n{main}"), "");
+    stays(main, "PROC back()\nMoveL pT,v1000,fine,tool0;\nENDPROC");
+    // A routine outside the files, a trap, a function, a handler.
+    stays(&format!("rLog;\n{main}"), "");
+    stays(main, "TRAP t\nMoveJ pT,v1000,fine,tool0;\nENDTRAP");
+    stays(&format!("n:=f();\n{main}"), "FUNC num f()\nMoveJ pT,v1000,fine,tool0;\nRETURN 1;\nENDFUNC");
+    stays(&format!("{main}ERROR\nMoveJ pT,v1000,fine,tool0;\nRETURN;\n"), "");
+    let by_reference = "PROC to(VAR robtarget q)\nq:=p1;\nWaitDI di,1\\MaxTime:=2;\nMoveL q,v20,fine,tool0;\nERROR\nMoveL q,v20,fine,tool0;\nRETURN;\nENDPROC";
+    stays("to pT;\n", by_reference);
+    stays("VAR robtarget pL;\npL:=p1;\nMoveL p1,v20,fine,tool0;\nERROR\nMoveJ pL,v9,fine,tool0;\nRETURN;\n", "");
+    stays(
+        "above p1;\n",
+        &format!(
+            "PROC above(robtarget q)\nWaitDI di,1\\MaxTime:=2;\n{}ERROR\nMoveJ q,v9,fine,tool0;\nRETURN;\nENDPROC",
+            main.replace("p1", "q")
+        ),
+    );
+    stays(
+        "above p1;\n",
+        "PROC above(robtarget q)\nIF DInput(di)=1 q:=p2;\nMoveL q,v9,fine,tool0;\nMoveL p1,v20,fine,tool0;\nENDPROC",
+    );
+    // Another task may read it.
+    stays(&main.replace("pT", "pShared"), &format!("PERS robtarget pShared:={OTHER};"));
+    // The displacement counts from it.
+    stays(&main.replace("MoveL", "PDispOn p2,tool0;\nPDispOff;\nMoveL"), "");
+}
+
+#[test]
+fn copies_keep_the_target_that_they_had() {
+    let body = "pT:=pV;\npV:=p2;\npT.trans.z:=pT.trans.z+50;\nMoveJ pT,v1000,fine,tool0;\nMoveL p1,v20,fine,tool0;\nMoveL pV,v20,fine,tool0;";
+    let text = with_copies(&format!("pV:=p1;\n{body}"), "VAR robtarget pV;");
+    assert_eq!(positions(&program(&text))[0], [1.0, 2.0, 53.0]);
+    let new = moved(&text);
+    assert!(new.contains(P1_MOVED) && new.contains("p2:=[[10.7500,20,30]"), "{new}");
+}
+
+#[test]
+fn assigned_robtargets_are_edited_where_their_numbers_are() {
+    let body = format!("pT:={ONE};\nMoveL pT,v20,fine,tool0;\npT:={OTHER};\nMoveL pT,v20,fine,tool0;\n");
+    let both = |new: &str| new.contains("pT:=[[1.2500,2,3]") && new.contains("pT:=[[7.2500,8,9]");
+    let new = moved(&with_copies(&body, ""));
+    assert!(both(&new), "{new}");
+    holds(&program(&with_copies(&body, "")));
+    // Data of the routine, and a loop.
+    let new = moved(&module(&format!("VAR robtarget pT;\nWHILE DInput(di)=0 DO\n{body}ENDWHILE\n")));
+    assert!(both(&new), "{new}");
+    let new = moved(&module(&format!(
+        "VAR robtarget q:={OTHER};\nMoveL q,v20,fine,tool0;\nq:={ONE};\nMoveL q,v20,fine,tool0;\n"
+    )));
+    assert!(new.contains("q:=[[7.2500,8,9]") && new.contains("q:=[[1.2500,2,3]"), "{new}");
+    // The numbers of an offset.
+    let new = moved(&with_copies("pT:=Offs(p1,5,0,0);\nMoveL pT,v20,fine,tool0;\n", ""));
+    assert!(new.contains("pT:=Offs(p1,5.2500,0,0)"), "{new}");
+}
+
+/// Motions before the assignment, and others that any run could make, may go to these numbers too.
+#[test]
+fn assigned_robtargets_stay_if_other_motions_may_have_them() {
+    let body = format!("pT:={ONE};\nMoveL pT,v20,fine,tool0;\n");
+    let stays = |body: &str, more: &str| {
+        let new = moved(&with_copies(body, more));
+        assert!(new.contains(&format!(":={ONE}")) && !new.contains("[[1.2500"), "{new}");
+    };
+    assert!(moved(&with_copies(&body, "")).contains("pT:=[[1.2500,2,3]"));
+    stays(&format!("MoveL pT,v20,fine,tool0;\n{body}"), "");
+    stays(&format!("{body}IF DInput(di)=1 pT:={OTHER};\nMoveL pT,v20,fine,tool0;\n"), "");
+    stays(&format!("IF DInput(di)=1 THEN\n{body}ENDIF\nMoveL pT,v20,fine,tool0;\n"), "");
+    stays(&format!("WHILE DInput(di)=0 DO\nMoveL pT,v20,fine,tool0;\n{body}ENDWHILE\n"), "");
+    stays(&body, "TRAP t\nMoveL pT,v20,fine,tool0;\nENDTRAP");
+    stays(&body, &format!("TRAP t\npT:={OTHER};\nENDTRAP"));
+    stays(&body, "PROC back()\nMoveL pT,v20,fine,tool0;\nENDPROC");
+    stays(&format!("{body}to pT;\n"), "PROC to(robtarget q)\nMoveL Offs(q,AInput(ai),0,0),v20,fine,tool0;\nENDPROC");
+    stays(&format!("{body}n:=pT.trans.x;\n"), "");
+    stays(&format!("{body}rUnknown;\n"), "");
+    stays("to;\n", &format!("PROC to()\n{body}ENDPROC\nTRAP t\nto;\nENDTRAP"));
+    // In an array, the element may be another one.
+    stays(&format!("pA{{1}}:={ONE};\nMoveL pA{{1}},v20,fine,tool0;\n"), "VAR robtarget pA{2};");
+}
+
+/// Data that begin with the numbers of another declaration move with it.
+#[test]
+fn initial_values_that_are_copies_hold_the_target() {
+    for declared in ["VAR robtarget q:=p1;\n", ""] {
+        let global = if declared.is_empty() { "VAR robtarget q:=p1;" } else { "" };
+        let body =
+            format!("{declared}MoveL q,v20,fine,tool0;\nMoveL p1,v9,fine,tool0;\nq:=p2;\nMoveL q,v20,fine,tool0;\n");
+        let new = moved(&with_copies(&body, global));
+        assert_eq!(new.contains(P1_MOVED), global.is_empty(), "{new}");
+    }
+}
+
+/// A number that people read drives nothing, unlike one that a program or a machine gets.
+#[test]
+fn instructions_that_only_show_a_target_do_not_hold_it() {
+    let is_moved = |show: &str, more: &str| {
+        let body = format!("pT:=p1;\n{show}\nMoveL p1,v20,fine,tool0;\nMoveJ pT,v9,fine,tool0;");
+        moved(&with_copies(&body, more)).contains(P1_MOVED)
+    };
+    let function = "FUNC num f(num x)\nPDispSet [[x,0,0],[1,0,0,0]];\nRETURN x;\nENDFUNC";
+    for show in [
+        "TPWrite \"x=\"\\Num:=p1.trans.x;",
+        "TPWrite \"p=\"\\Pos:=pT.trans;",
+        "ErrWrite \"x\",\"at \"+NumToStr(p1.trans.x,1)\\RL2:=NumToStr(Distance(p1.trans,p2.trans),1);",
+        "UIMsgBox NumToStr(pT.trans.x+1,1);",
+    ] {
+        assert!(is_moved(show, function), "{show}");
+        assert!(
+            is_moved(
+                &format!("WaitDI di,1\\MaxTime:=2;\n{show}"),
+                &format!("TRAP t\n{}\nENDTRAP", show.replace("pT", "p1"))
+            ),
+            "{show}"
+        );
+    }
+    for read in [
+        "Write io,\"x=\"\\Num:=p1.trans.x;",
+        "SetAO ao,p1.trans.x;",
+        "SocketSend s\\Str:=NumToStr(p1.trans.x,1);",
+        "TPWrite \"x=\"\\Num:=f(p1.trans.x);",
+        "TPWrite \"x=\"\\Num:=g(p1.trans.x);",
+        "n:=p1.trans.x;\nTPWrite \"x=\"\\Num:=n;",
+    ] {
+        assert!(!is_moved(read, function), "{read}");
+    }
+    let own = "PROC TPWrite(string s\\num Num)\nPDispSet [[Num,0,0],[1,0,0,0]];\nENDPROC";
+    assert!(!is_moved("TPWrite \"x=\"\\Num:=p1.trans.x;", own));
+}
+
+/// Handlers, traps and routines without a caller may retract above a target: they do so from where they did before.
+#[test]
+fn motions_elsewhere_above_a_target_stay_in_place() {
+    let main = "MoveL p1,v20,fine,tool0;\nWaitDI di,1\\MaxTime:=2;\n";
+    let places = |motion: &str| {
+        [
+            (format!("{main}ERROR\n{motion}\nTRYNEXT;"), String::new()),
+            (main.to_owned(), format!("TRAP t\n{motion}\nENDTRAP")),
+            (main.to_owned(), format!("FUNC num f()\n{motion}\nRETURN 1;\nENDFUNC")),
+            (main.to_owned(), format!("PROC back()\n{motion}\nENDPROC")),
+            (main.to_owned(), format!("TRAP t\nback;\nENDTRAP\nPROC back()\n{motion}\nENDPROC")),
+        ]
+    };
+    for (motion, new) in [
+        ("MoveL Offs(p1,0,0,50),v500,fine,tool0;", "Offs(p1,-0.2500,0,50)"),
+        ("MoveJ RelTool(p1,5,0,-50),v500,fine,tool0;", "RelTool(p1,4.7500,0,-50)"),
+        ("IF DInput(di)=1 MoveL Offs(p1,0.25,0,50),v500,fine,tool0;", "Offs(p1,0.0000,0,50)"),
+    ] {
+        for (body, more) in places(motion) {
+            let text = moved(&with_copies(&body, &more));
+            assert!(text.contains(P1_MOVED) && text.contains(new), "{text}");
+        }
+    }
+    for motion in [
+        "MoveL p1,v500,fine,tool0;",
+        "MoveL Offs(p1,0,0,n),v500,fine,tool0;",
+        "MoveL Offs(Offs(p1,0,0,1),0,0,50),v500,fine,tool0;",
+        "MoveL RelTool(p1,0,0,50\\Rz:=90),v500,fine,tool0;",
+        "MoveC Offs(p1,9,0,50),Offs(p1,0,9,50),v500,fine,tool0;",
+        "MoveL Offs(p1,0,0,50),v500\\V:=p1.trans.x,fine,tool0;",
+        "pT:=Offs(p1,0,0,50);\nMoveL pT,v500,fine,tool0;",
+        "MoveL Offs(p1,0,0,50),v500,fine,tool0;\nMoveL p1,v500,fine,tool0;",
+        "rGo Offs(p1,0,0,50);",
+    ] {
+        // A routine without a caller is run by itself.
+        for (body, more) in places(motion).into_iter().filter(|(_, more)| !more.starts_with("PROC")) {
+            let text = moved(&with_copies(&body, &more));
+            assert!(!text.contains(P1_MOVED) && text.contains(motion), "{text}");
+        }
+    }
+    // The name is another one there.
+    let body = format!(
+        "VAR robtarget p1:={OTHER};\nMoveL p1,v20,fine,tool0;\nWaitDI di,1\\MaxTime:=2;\nERROR\nMoveL Offs(p1,0,0,50),v9,fine,tool0;\nTRYNEXT;"
+    );
+    let text = moved(&with_copies(&body, ""));
+    assert!(!text.contains("7.25") && text.contains("Offs(p1,0,0,50)"), "{text}");
+    // Where the program itself runs the statement, it cuts.
+    let text = moved(&with_copies(
+        "back;\nMoveL p1,v20,fine,tool0;",
+        "TRAP t\nback;\nENDTRAP\nPROC back()\nMoveL Offs(p1,0,0,50),v20,fine,tool0;\nENDPROC",
+    ));
+    assert!(!text.contains(P1_MOVED) && text.contains("Offs(p1,0,0,50)"), "{text}");
+}
+
+#[test]
+fn functions_that_only_return_an_expression_are_followed() {
+    let is_moved = |motion: &str, function: &str| {
+        let text = with_copies(&format!("{motion}\nMoveL p1,v20,fine,tool0;"), function);
+        holds(&program(&text));
+        moved(&text).contains(P1_MOVED)
+    };
+    let above = "MoveJ fAbove(p1),v1000,fine,tool0;";
+    for (returned, more) in [
+        ("Offs(q,0,0,50)", ""),
+        ("Offs(q,0,0,nSafe+2*5)", "CONST num nSafe:=50;\n"),
+        ("RelTool(q,0,0,-50\\Rz:=90)", ""),
+        ("q", ""),
+    ] {
+        let function = format!("{more}FUNC robtarget fAbove(robtarget q)\nRETURN {returned};\nENDFUNC");
+        assert!(is_moved(above, &function), "{returned}");
+        assert!(is_moved(&format!("pT:=fAbove(p1);\n{}", above.replace("fAbove(p1)", "pT")), &function), "{returned}");
+        // A cut there is held by its numbers, which belong to all calls.
+        assert_eq!(is_moved("MoveL fAbove(p1),v9,fine,tool0;", &function), returned == "q", "{returned}");
+        // A trap calls it too.
+        let trap = format!("{function}\nTRAP t\nMoveJ fAbove(p1),v1000,fine,tool0;\nENDTRAP");
+        assert!(!is_moved(above, &trap), "{returned}");
+    }
+    let of = |head: &str, body: &str| format!("FUNC robtarget fAbove({head} q)\n{body}\nENDFUNC");
+    for function in [
+        of("VAR robtarget", "RETURN Offs(q,0,0,50);"),
+        of("robtarget", "Incr n;\nRETURN Offs(q,0,0,50);"),
+        of("robtarget", "RETURN Offs(q,0,0,AInput(ai));"),
+        of("robtarget", "RETURN Offs(q,0,0,100/n);"),
+        of("robtarget", "RETURN Offs(q,0,0,q.trans.x);"),
+        of("robtarget", "RETURN rElse(q);"),
+        of("robtarget", "RETURN fAbove(q);"),
+        of("robtarget", "RETURN Offs(q,0,0,50);\nERROR\nRETURN q;"),
+    ] {
+        assert!(!is_moved(above, &function), "{function}");
+    }
 }

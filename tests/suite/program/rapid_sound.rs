@@ -661,18 +661,27 @@ fn motions_that_do_more_than_move_may_fail() {
     assert!(matches!(reads(&plain, &waits), Editable::No(_)));
 }
 
-/// A routine that nothing runs is left as it is, what it makes from a target of the program too.
+/// A routine that nothing runs stays in place, what it makes from a target of the program too.
 #[test]
-fn offsets_in_procedures_that_nothing_runs_hold_their_base() {
-    let reads = |to: &str| {
+fn offsets_in_procedures_that_nothing_runs_stay_in_place() {
+    let corrected = |to: &str| {
         let text = format!(
             "MODULE M\n{DATA}PROC main()\nMoveL p1,v50,fine,t1;\nENDPROC\nPROC b()\nMoveL {to},v50,fine,t1;\nENDPROC\nENDMODULE\n"
         );
-        read(&text).targets[0].editable
+        let program = read(&text);
+        let change = Change { position_mm: [1.25, 2.0, 3.0], quat: None, conf: None, external: None };
+        let edits = &program.rewrite(&[Some(change)], &[], &RewriteOptions::default()).edits[0];
+        String::from_utf8(applied(&program.sources[0].bytes, edits)).unwrap()
     };
-    assert_eq!(reads("p1"), Editable::Pose);
-    assert!(matches!(reads("Offs(p1,0,0,50)"), Editable::No(_)));
-    assert!(matches!(reads("RelTool(p1,0,0,-50)"), Editable::No(_)));
+    for (to, new) in [
+        ("p1", "MoveL p1,"),
+        ("Offs(p1,0,0,50)", "MoveL Offs(p1,-0.2500,0,50),"),
+        ("RelTool(p1,0,0,-50)", "MoveL RelTool(p1,-0.2500,0,-50),"),
+    ] {
+        let text = corrected(to);
+        assert!(text.contains("p1:=[[1.2500,2,3]") && text.contains(new), "{text}");
+    }
+    assert!(corrected("Offs(p1,0,0,n)").contains("p1:=[[1,2,3]"));
 }
 
 /// A speed that the counter of a loop selects is that of its round.

@@ -88,7 +88,8 @@ impl Runner<'_> {
         };
         let edited = target.editable == Editable::Position;
         let step = |step: &super::OffsetStep| {
-            let numbers = if edited { [&step.offset_mm[..], &step.turn].concat() } else { vec![0.0; 7] };
+            let stated = step.stated_mm.map(|stated| stated.unwrap_or(f64::NAN));
+            let numbers = if edited { [&step.offset_mm[..], &step.turn, &stated].concat() } else { vec![0.0; 10] };
             OffsetBy { place: step.place(), bits: std::array::from_fn(|k| numbers[k].to_bits()) }
         };
         Point {

@@ -145,8 +145,13 @@ impl WantedValues {
         }
         let offsets =
             layout.offsets.iter().map(|offset| super::Offset { root: offset.root, steps: offset.steps.clone() });
-        let all_runs =
-            Layout { literals: Arc::clone(&layout.literals), sites, offsets: offsets.collect(), ..Layout::default() };
+        let all_runs = Layout {
+            literals: Arc::clone(&layout.literals),
+            sites,
+            offsets: offsets.collect(),
+            standing: Arc::clone(&layout.standing),
+            ..Layout::default()
+        };
         let (files, layout) = ((Arc::clone(&like.sources), like.written), Layout::default());
         let layout = crate::Layout::Rapid(layout);
         let program = Program { targets, ..Program::empty(like.language, like.dialect, files, layout) };

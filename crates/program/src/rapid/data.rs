@@ -1,14 +1,47 @@
 //! The values of variables during the run.
 
 use super::eval::Scope;
-use super::expression::{Arguments, Expression, ExpressionKind, PartStep};
+use super::expression::{Arguments, Expression, ExpressionKind, Operation, Part, PartStep};
 use super::runner::Runner;
 use super::symbols::{Content, Upper, Variable, VariablePart};
 use super::tree::Storage;
-use super::value::{Value, parts};
+use super::value::{Pose, Value, parts};
 use crate::Reason;
+use deflex_lang::ir::Binary;
 use deflex_text::{Span, decode};
+use std::rc::Rc;
 use std::sync::Arc;
+
+/// Coordinates of a position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Coordinates {
+    All,
+    One(usize),
+}
+
+impl Coordinates {
+    fn zero(self) -> [Option<f64>; 3] {
+        std::array::from_fn(|axis| (self == Self::All || self == Self::One(axis)).then_some(0.0))
+    }
+
+    /// Their numbers in the value of an expression; `None` if the value is unknown.
+    fn numbers(self, value: &Value) -> Option<[Option<f64>; 3]> {
+        match self {
+            Self::All => value.nums().map(|all: [f64; 3]| all.map(Some)),
+            Self::One(axis) => {
+                let mut numbers = [None; 3];
+                numbers[axis] = Some(value.num()?);
+                Some(numbers)
+            }
+        }
+    }
+}
+
+/// Coordinates of a robtarget with known numbers added; `None` for the other coordinates.
+struct Moved {
+    from: Rc<Pose>,
+    by_mm: [Option<f64>; 3],
+}
 
 /// Number of parts of a copied value that count as one more statement.
 const PARTS_PER_STEP: usize = 16;
@@ -21,8 +54,23 @@ impl<'a> Runner<'a> {
         local.or_else(|| self.symbols.find_data(scope.module, key))
     }
 
-    /// The present value of a variable.
+    /// The present value of a variable, for a use of it.
     pub(super) fn content(&mut self, at: usize) -> Value {
+        let value = self.held(at);
+        let is_unknown = match &value {
+            Value::Unknown(_) => true,
+            // A robtarget has four parts.
+            Value::List(parts, _) => parts.len() == 4 && value.unknown().is_some(),
+            _ => false,
+        };
+        if is_unknown {
+            self.numbers.reads(at);
+        }
+        value
+    }
+
+    /// The present value of a variable.
+    fn held(&mut self, at: usize) -> Value {
         if let Some(value) = self.state.values.get(&at) {
             return value.clone();
         }
@@ -36,7 +84,7 @@ impl<'a> Runner<'a> {
             Content::Is(value) => return value.clone(),
             Content::Busy => return Value::Unknown(Reason::InitialValueNeedsItself),
             Content::Part(part) => {
-                let part = std::rc::Rc::clone(part);
+                let part = Rc::clone(part);
                 return self.part(&part);
             }
             Content::Declared(initial) => *initial,
@@ -54,11 +102,17 @@ impl<'a> Runner<'a> {
         } else if *kind != *b"ROBTARGET" {
             value = value.without_tokens();
         }
+        match &value {
+            Value::Target(pose) => self.numbers.holds(at, pose),
+            // The elements of an array are not followed.
+            other if volatile.is_some() || assigned && !local => self.numbers.pin_value(other),
+            _ => {}
+        }
         if let Some(why) = volatile {
             value = Value::Unknown(why);
-        } else if assigned {
+        } else if assigned && !local {
             // Data of modules keep their values from one cycle to the next, those of routines begin anew in every call.
-            value = if local { value.detached(Reason::TargetChanged) } else { value.left(Reason::TargetChanged) };
+            value = value.left(Reason::TargetChanged);
         }
         self.symbols.variables[at].content = Content::Is(value.clone());
         value
@@ -73,7 +127,7 @@ impl<'a> Runner<'a> {
         }
         for at in &part.path {
             if let Value::Target(pose) = &value {
-                self.numbers.pin(pose.root);
+                self.numbers.pin_pose(pose);
                 value = parts(pose);
             }
             value = match value.list().and_then(|items| items.get(*at)) {
@@ -93,6 +147,10 @@ impl<'a> Runner<'a> {
         name: Span,
         value: Value,
     ) -> usize {
+        self.numbers.begins(self.symbols.variables.len());
+        if let Value::Target(pose) = &value {
+            self.numbers.holds(self.symbols.variables.len(), pose);
+        }
         self.symbols.variables.push(Variable {
             name: decode(&bytes[name.range()]).as_ref().into(),
             kind: Arc::from(&*Upper::new(&bytes[kind.range()])),
@@ -110,7 +168,15 @@ impl<'a> Runner<'a> {
     }
 
     pub(super) fn assign(&mut self, scope: Scope, to: &'a Expression, expression: &'a Expression) {
+        if let Some((at, moved)) = self.moved(scope, to, expression) {
+            return self.set(at, Value::Target(Rc::new(moved)));
+        }
         let value = self.evaluate(scope, expression);
+        if let Some(at) = self.holder(scope, to)
+            && let Some(pose) = self.as_target(&value).filter(|pose| pose.root.is_some())
+        {
+            return self.set(at, Value::Target(pose));
+        }
         self.numbers.pin_value(&value);
         self.touch();
         let Some(parts) = value.parts() else {
@@ -126,6 +192,86 @@ impl<'a> Runner<'a> {
         self.budget.spend(parts / PARTS_PER_STEP);
         if let Some(place) = self.place(scope, to) {
             self.store(&place, &value);
+        }
+    }
+
+    /// The variable that an expression names, if the robtargets that it holds are followed to their numbers in the text. Another task may read
+    /// a `PERS`.
+    fn holder(&self, scope: Scope, of: &Expression) -> Option<usize> {
+        let bytes = self.bytes(scope.source as usize);
+        let at = self.find(scope, &Upper::new(&bytes[of.span.range()])).filter(|_| of.is_name())?;
+        let Variable { kind, storage, content, .. } = &self.symbols.variables[at];
+        let is_whole = !matches!(content, Content::Part(_));
+        (is_whole && **kind == *b"ROBTARGET" && *storage == Storage::Var).then_some(at)
+    }
+
+    /// The variable and the robtarget that it holds after an assignment to its position: one that is moved by known numbers
+    /// (`p.trans.z:=p.trans.z+50`), or at a known coordinate (`p.trans.z:=200`).
+    fn moved(&mut self, scope: Scope, to: &'a Expression, expression: &'a Expression) -> Option<(usize, Pose)> {
+        let ExpressionKind::Part(part) = &to.kind else { return None };
+        let (at, coordinates) = (self.holder(scope, &part.of)?, self.coordinates(scope, part)?);
+        let known = |this: &mut Self| match this.held(at) {
+            Value::Target(pose) if pose.root.is_some() => Some(pose),
+            _ => None,
+        };
+        known(self)?;
+        let moved = self.sum(scope, expression, coordinates);
+        let value = if moved.is_none() { Some(self.evaluate(scope, expression)) } else { None };
+        // A function in the expression may have changed the variable.
+        let held = known(self)?;
+        let pose = match (moved, value) {
+            (Some(Moved { from, by_mm }), _) => held.with(&from, by_mm)?,
+            (None, Some(value)) => {
+                self.numbers.pin_value(&value);
+                held.stated(coordinates.numbers(&value)?)
+            }
+            (None, None) => return None,
+        };
+        Some((at, pose))
+    }
+
+    /// The coordinates of a position that a part of a robtarget is.
+    fn coordinates(&self, scope: Scope, part: &Part) -> Option<Coordinates> {
+        let bytes = self.bytes(scope.source as usize);
+        let is = |name: &Span, other: &[u8]| bytes[name.range()].eq_ignore_ascii_case(other);
+        match &part.steps[..] {
+            [PartStep::Component(trans)] if is(trans, b"trans") => Some(Coordinates::All),
+            [PartStep::Component(trans), PartStep::Component(axis)] if is(trans, b"trans") => {
+                [&b"x"[..], b"y", b"z"].iter().position(|name| is(axis, name)).map(Coordinates::One)
+            }
+            _ => None,
+        }
+    }
+
+    /// An expression that is the sum of these coordinates of a robtarget, whose name comes first, and of known numbers.
+    fn sum(&mut self, scope: Scope, of: &'a Expression, coordinates: Coordinates) -> Option<Moved> {
+        match &of.kind {
+            ExpressionKind::Bracketed(inner) => self.sum(scope, inner, coordinates),
+            ExpressionKind::Part(part) if self.coordinates(scope, part) == Some(coordinates) => {
+                let name = part.of.span.range();
+                let at = self.find(scope, &Upper::new(&self.bytes(scope.source as usize)[name]))?;
+                match self.content(at) {
+                    Value::Target(from) if part.of.is_name() => Some(Moved { from, by_mm: coordinates.zero() }),
+                    _ => None,
+                }
+            }
+            ExpressionKind::Chain(chain) => {
+                let mut moved = self.sum(scope, &chain.first, coordinates)?;
+                for Operation { operator, right } in &chain.operations {
+                    let sign = match operator {
+                        Binary::Add => 1.0,
+                        Binary::Subtract => -1.0,
+                        _ => return None,
+                    };
+                    let value = self.evaluate(scope, right);
+                    self.numbers.pin_value(&value);
+                    for (sum, by) in moved.by_mm.iter_mut().zip(coordinates.numbers(&value)?) {
+                        *sum = sum.zip(by).map(|(sum, by)| sum + sign * by);
+                    }
+                }
+                Some(moved)
+            }
+            _ => None,
         }
     }
 
@@ -171,7 +317,7 @@ impl<'a> Runner<'a> {
         if place.path.is_empty() {
             return self.set(place.of, value);
         }
-        let old = self.content(place.of);
+        let old = self.held(place.of);
         self.budget.spend(old.parts().unwrap_or(0) / PARTS_PER_STEP);
         self.numbers.pin_value(&old);
         let new = replaced(&old.detached(Reason::Computed), &place.path, &value);

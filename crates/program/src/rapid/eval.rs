@@ -176,7 +176,9 @@ impl<'a> Runner<'a> {
                 }
                 PartStep::Component(name) => {
                     if let Value::Target(pose) = &value {
-                        self.numbers.pin(pose.root);
+                        if !self.is_shown {
+                            self.numbers.pin_pose(pose);
+                        }
                         value = value::parts(pose);
                         kind = Arc::from(&b"ROBTARGET"[..]);
                     }

@@ -42,7 +42,7 @@ pub(super) struct Point {
 pub(super) struct OffsetBy {
     pub(super) place: Option<SourceSpan>,
     /// Its numbers, if the target may be edited by it.
-    pub(super) bits: [u64; 7],
+    pub(super) bits: [u64; 10],
 }
 
 /// Motions, of which equal ones are stored once.

@@ -1,8 +1,8 @@
 //! Predefined instructions that are not motions: the data they change, the state they switch, the values that become unknown.
 
 use super::eval::Scope;
-use super::expression::{Arguments, Call, Expression};
-use super::predefined::Instruction;
+use super::expression::{Arguments, Call, Expression, ExpressionKind};
+use super::predefined::{self, Instruction};
 use super::runner::Runner;
 use super::state::{ArcMode, OnOff, Stands, Switches, Velocity};
 use super::symbols::Upper;
@@ -22,10 +22,12 @@ impl<'a> Runner<'a> {
     ) -> Result<(), Stop> {
         let (bytes, arguments) = (self.bytes(scope.source as usize), &call.arguments);
         // A robtarget used here must not be edited; its numbers count as used.
+        self.is_shown = self.only_shows(scope.module, call, bytes);
         for argument in arguments.given() {
             let value = self.evaluate(scope, argument);
             self.numbers.pin_value(&value);
         }
+        self.is_shown = false;
         if known == Instruction::Waits
             && let Some(condition) = arguments.positional.first()
             && self.evaluate(scope, condition).bool() != Some(true)
@@ -131,6 +133,23 @@ impl<'a> Runner<'a> {
             Instruction::Raises => return Err(Stop::Ends),
         }
         Ok(())
+    }
+
+    /// Whether a call only shows values, which no routine computes, to people.
+    pub(super) fn only_shows(&self, module: usize, call: &Call, bytes: &[u8]) -> bool {
+        let name = |call: &Call| &bytes[call.name.range()];
+        let is_predefined = |call: &Call| self.symbols.find_routine(module, name(call)).is_none();
+        let mut is_plain = true;
+        call.each(&mut |part: &Expression| match &part.kind {
+            ExpressionKind::Call(function) => {
+                let changes_nothing =
+                    predefined::function(&Upper::new(name(function))) == Some(predefined::Function::Nothing);
+                is_plain &= is_predefined(function) && changes_nothing && !function.arguments.is_cut;
+            }
+            ExpressionKind::Unknown(..) => is_plain = false,
+            _ => {}
+        });
+        is_plain && call.late.is_none() && is_predefined(call) && predefined::shows(name(call))
     }
 
     /// An instruction measures from the robot's present position, so the target there must not be edited.

@@ -16,9 +16,35 @@ impl Runner<'_> {
     pub(super) fn set(&mut self, at: usize, value: Value) {
         let variable = &mut self.symbols.variables[at];
         variable.foreign = false;
-        let value = variable.volatile.map_or(value, Value::Unknown);
+        let value = match (variable.volatile, value) {
+            (Some(why), value) => {
+                self.numbers.pin_value(&value);
+                Value::Unknown(why)
+            }
+            (None, Value::Target(pose)) => {
+                self.hand_to_handlers(at, &pose);
+                Value::Target(pose)
+            }
+            (None, value) => value,
+        };
         self.state.values.insert(at, value);
         self.touch();
+    }
+
+    /// Records that a variable holds a robtarget, which the handlers of running routines may read.
+    fn hand_to_handlers(&mut self, at: usize, pose: &Pose) {
+        self.numbers.holds(at, pose);
+        for frame in &self.frames {
+            if self.symbols.routine(frame.routine).handlers.is_empty() {
+                continue;
+            }
+            for (name, own) in &frame.names {
+                let is_part = matches!(&self.symbols.variables[*own].content, Content::Part(part) if part.of == at);
+                if *own == at || is_part {
+                    self.numbers.given.entry((frame.routine, name.clone())).or_default().add(pose);
+                }
+            }
+        }
     }
 
     /// Records that names may have other meanings from here on.
@@ -48,7 +74,20 @@ impl Runner<'_> {
             if own.is(&others) {
                 continue;
             }
-            let joined = self.joined(&own, &others, why);
+            let joined = match (&own, &others) {
+                (Value::Target(a), Value::Target(b)) if a.is_at(b) => self.joined(&own, &others, why),
+                // Whoever reads it may get either.
+                (Value::Target(_), _) | (_, Value::Target(_)) => {
+                    for value in [&own, &others] {
+                        match value {
+                            Value::Target(pose) => self.numbers.holds(at, pose),
+                            other => self.numbers.pin_value(other),
+                        }
+                    }
+                    Value::Unknown(own.unknown().or(others.unknown()).unwrap_or(why))
+                }
+                _ => self.joined(&own, &others, why),
+            };
             is_less |= !own.is(&joined);
             known.values.insert(at, joined);
         }
@@ -122,21 +161,32 @@ impl Runner<'_> {
         }
     }
 
-    /// Makes a variable unknown, or the variable of which it is a part.
+    /// Makes a variable unknown, or the variable of which it is a part, because something may change it that may also read it.
     pub(super) fn forget_data(&mut self, at: usize, why: Reason) {
         let at = match &self.symbols.variables[at].content {
             Content::Part(part) => part.of,
             _ => at,
         };
+        self.numbers.reads(at);
+        if let Some(old) = self.lose_data(at, why) {
+            self.numbers.pin_value(&old);
+        }
+    }
+
+    /// Makes a variable unknown, and returns its value if that was known.
+    pub(super) fn lose_data(&mut self, at: usize, why: Reason) -> Option<Value> {
         let old = match (self.state.values.get(&at), &self.symbols.variables[at].content) {
             // The value already is unknown, yet this counts as a change.
-            (Some(Value::Unknown(_)), _) | (None, Content::Is(Value::Unknown(_))) => return self.touch(),
+            (Some(Value::Unknown(_)), _) | (None, Content::Is(Value::Unknown(_))) => {
+                self.touch();
+                return None;
+            }
             (Some(value), _) | (None, Content::Is(value)) => value.clone(),
             _ => Value::Unknown(why),
         };
         self.pin_declared(at);
-        self.numbers.pin_value(&old);
         self.set(at, Value::Unknown(why));
+        Some(old)
     }
 
     /// Forbids edits of data whose value their declaration states: a routine that changes them at run time uses them too.
@@ -155,6 +205,7 @@ impl Runner<'_> {
                 continue;
             }
             self.pin_declared(at);
+            self.numbers.reads(at);
             let variable = &self.symbols.variables[at];
             let Some(value) = variable.declared.and_then(|data| data.value.as_ref()) else { continue };
             let bytes = self.bytes(usize::from(variable.source));
@@ -188,7 +239,7 @@ impl Value {
 
 impl Pose {
     /// Whether two poses have the same numbers, from the same origin.
-    fn is_at(&self, other: &Self) -> bool {
+    pub(super) fn is_at(&self, other: &Self) -> bool {
         let bits = |pose: &Self| {
             let Written { position_mm: [x, y, z], quat: [q1, q2, q3, q4], external: [a, b, c, d, e, f], .. } =
                 pose.written;

@@ -101,6 +101,8 @@ pub(crate) struct Layout {
     /// One per target.
     sites: Vec<TargetInText>,
     offsets: Vec<Offset>,
+    /// Those of motions that also run where the program does not follow them, and which stay in place if their base moves.
+    standing: Arc<Vec<Offset>>,
     /// Executed motions, with those whose target is unknown when reading.
     motions: usize,
     /// The program is one procedure of motions to inline targets, so it can be cut anywhere (see `chunks`).
@@ -151,7 +153,7 @@ impl FrontEnd for Layout {
 
     fn writes_axes(&self, program: &Program) -> Vec<bool> {
         // A target made from a literal by `Offs` has the literal's axes.
-        let roots: HashSet<u32> = self.offsets.iter().map(|offset| offset.root).collect();
+        let roots: HashSet<u32> = self.offsets.iter().chain(&*self.standing).map(|offset| offset.root).collect();
         let writes = |site: &TargetInText| {
             let TargetInText::Literal { literal, .. } = site else { return false };
             let place = &self.literals[*literal as usize];

@@ -33,6 +33,7 @@ impl Runner<'_> {
         let plain = self.plain(files);
         let streamable = plain && self.inline();
         self.refuse_what_calls_itself();
+        self.hold_what_cannot_stand();
         // One refusal may lead to another.
         loop {
             let before = self.refused();
@@ -49,6 +50,7 @@ impl Runner<'_> {
             literals: Arc::new(self.numbers.literals),
             sites: self.found.sites,
             offsets: self.found.offsets,
+            standing: Arc::new(self.found.standing),
             motions: self.counters.motions as usize,
             streamable,
             plain,
@@ -85,7 +87,8 @@ impl Runner<'_> {
             let target = &mut self.found.targets[i];
             let standing = Standing { source: target.source, start: target.span.start, root };
             let is_counted = self.found.counted_from.contains(&standing);
-            if is_counted && target.is_end() && !matches!(target.editable, Editable::No(_)) {
+            let is_open = !matches!(target.editable, Editable::No(why) if why != Reason::OffsetWithExpression);
+            if is_counted && target.is_end() && is_open {
                 target.editable = Editable::No(Reason::DisplacementCounts);
             }
         }

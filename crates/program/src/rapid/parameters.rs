@@ -129,14 +129,11 @@ impl<'a> Runner<'a> {
                 self.forget_data(of, Reason::Trap);
                 self.symbols.variables[of].volatile = Some(Reason::Trap);
             }
-            if routine.error.is_some()
+            // The handlers may use it too.
+            if !routine.handlers.is_empty()
                 && let Value::Target(pose) = self.content(at)
-                && let Some(root) = pose.root
             {
-                let given = self.numbers.given.entry((id, Box::from(&*key))).or_default();
-                if given.last() != Some(&root) && !given.contains(&root) {
-                    given.push(root);
-                }
+                self.numbers.given.entry((id, Box::from(&*key))).or_default().add(&pose);
             }
             names.insert(Box::from(&*key), at);
         }
@@ -153,6 +150,7 @@ impl<'a> Runner<'a> {
                 variable.volatile = Some(Reason::Trap);
             }
             names.insert(Box::from(&*key), self.symbols.variables.len());
+            self.numbers.begins(self.symbols.variables.len());
             self.symbols.variables.push(variable);
         }
         names

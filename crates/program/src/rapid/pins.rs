@@ -5,8 +5,24 @@ use super::expression::{Expression, ExpressionKind};
 use super::literal::Literal;
 use super::runner::{Found, Numbers};
 use super::tree::File;
-use super::value::{Pose, Value};
+use super::value::{OffsetStep, Pose, Value};
 use deflex_lang::ir::SourceSpan;
+use std::collections::{BTreeSet, HashSet};
+
+/// The numbers in the text from which robtargets are made.
+#[derive(Debug, Default)]
+pub(super) struct Origins {
+    literals: BTreeSet<u32>,
+    /// Offsets, by their first number.
+    offsets: HashSet<SourceSpan>,
+}
+
+impl Origins {
+    pub(super) fn add(&mut self, pose: &Pose) {
+        self.literals.extend(pose.root);
+        self.offsets.extend(pose.steps.iter().filter_map(OffsetStep::place));
+    }
+}
 
 impl Numbers {
     pub(super) fn of(files: &[File]) -> Self {
@@ -64,7 +80,37 @@ impl Numbers {
     /// The same for a pose, with the offsets that make it.
     pub(super) fn pin_pose(&mut self, pose: &Pose) {
         self.pin(pose.root);
-        self.held.extend(pose.steps.iter().filter_map(|step| step.tokens).map(|tokens| tokens[0]));
+        self.held.extend(pose.steps.iter().filter_map(OffsetStep::place));
+    }
+
+    /// The same for everything from which some poses are made.
+    pub(super) fn pin_origins(&mut self, origins: &Origins) {
+        self.pinned.extend(&origins.literals);
+        self.held.extend(&origins.offsets);
+    }
+
+    /// Records that a variable holds a robtarget. Only [`Self::reads`] forbids edits of it: whoever knows the value may use it.
+    pub(super) fn holds(&mut self, variable: usize, pose: &Pose) {
+        match self.read.contains(&variable) {
+            true => self.pin_pose(pose),
+            false => self.origins.entry(variable).or_default().add(pose),
+        }
+    }
+
+    /// Forbids edits of all robtargets that a variable ever holds, because it is read where its value is unknown: on another path, in the
+    /// next cycle, or by a routine that is not followed.
+    pub(super) fn reads(&mut self, variable: usize) {
+        if self.read.insert(variable)
+            && let Some(origins) = self.origins.remove(&variable)
+        {
+            self.pin_origins(&origins);
+        }
+    }
+
+    /// Begins a variable, whose number another one may have had.
+    pub(super) fn begins(&mut self, variable: usize) {
+        self.read.remove(&variable);
+        self.origins.remove(&variable);
     }
 
     pub(super) fn pin_value(&mut self, value: &Value) {

@@ -132,6 +132,10 @@ pub(super) const ARGUMENTS: &[&str] = &[
 /// Instructions that change data in optional arguments, and no other data.
 pub(super) const OPTIONS: &[&str] = &["UIMsgBox", "WaitAI", "WaitAO", "WaitDI", "WaitDO", "WaitGI", "WaitGO"];
 
+/// Instructions of these lists that show their arguments to people, and give them to nothing else. What `Write` and the like write can be read
+/// by programs and other machines.
+pub(super) const SHOWING: &[&str] = &["ErrLog", "ErrWrite", "TPWrite", "UIMsgBox", "UIMsgWrite"];
+
 /// Instructions with an effect of their own.
 const OWN: &[(&str, Instruction)] = &[
     ("ActUnit", Instruction::UnitOn),
@@ -226,6 +230,11 @@ pub(super) fn instruction(name: &[u8]) -> Option<Instruction> {
     OWN.iter().find(|(own, _)| own.as_bytes().eq_ignore_ascii_case(name)).map(|own| own.1)
 }
 
+/// Whether an instruction only shows its arguments.
+pub(super) fn shows(name: &[u8]) -> bool {
+    has(SHOWING, name)
+}
+
 /// Whether a statement is an instruction that changes nothing.
 pub(super) fn harmless(statement: &[u8]) -> bool {
     let name = &statement[..statement.iter().position(|b| !b.is_ascii_alphanumeric()).unwrap_or(statement.len())];
@@ -264,7 +273,7 @@ mod tests {
 
     #[test]
     fn lists_are_sorted_and_found_whatever_the_case() {
-        for list in [NOTHING, ARGUMENTS, OPTIONS, FUNCTIONS, NEVER_FAILING, WRITING_FUNCTIONS] {
+        for list in [NOTHING, ARGUMENTS, OPTIONS, SHOWING, FUNCTIONS, NEVER_FAILING, WRITING_FUNCTIONS] {
             let wrong = list.windows(2).find(|pair| order(pair[0].as_bytes(), pair[1].as_bytes()).is_ge());
             assert_eq!(wrong, None);
         }
@@ -284,6 +293,7 @@ mod tests {
             ("Instructions that change nothing", NOTHING),
             ("Instructions that change only what they are given", ARGUMENTS),
             ("Instructions that change only what their optional arguments name", OPTIONS),
+            ("Instructions that only show what they are given", SHOWING),
             ("Functions that change nothing", FUNCTIONS),
             ("Functions that never fail", NEVER_FAILING),
             ("Functions that change only what they are given", WRITING_FUNCTIONS),

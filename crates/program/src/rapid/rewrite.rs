@@ -1,5 +1,6 @@
 //! Writes corrected poses back into number tokens: only sign and digits change.
 
+use super::literal::Literal;
 use super::value::{OffsetStep, rotate, unit};
 use super::writer::{Pose, Print, Writer};
 use super::{Layout, Offset, TargetInText, clone, insert, own};
@@ -71,7 +72,7 @@ fn is_edited(offsets: &NewOffsets, place: &SourceSpan) -> bool {
 }
 
 pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) -> Rewritten {
-    if !own::is_own(&layout.sites) {
+    if !own::is_own(&layout.sites) || !layout.standing.is_empty() {
         return rewrite_agreed(program, layout, wanted).0;
     }
     let mut writer = Writer::new(program, layout, wanted.options);
@@ -120,6 +121,10 @@ impl Writer<'_> {
         (self.frozen.len(), self.frozen_offsets.len())
     }
 
+    fn literal_of(&self, offset: &Offset) -> &'_ Literal {
+        &self.layout.literals[offset.root as usize]
+    }
+
     /// Freezes the numbers that would move a kept target: the base and steps of an offset, and the other point of an arc.
     fn freeze(&mut self, prints: &[Option<Print>], offsets: &NewOffsets) {
         let kept: BTreeSet<usize> = self.kept.iter().map(|kept| kept.0).collect();
@@ -138,6 +143,17 @@ impl Writer<'_> {
             }
             let places = offset.steps.iter().filter_map(OffsetStep::place);
             self.frozen_offsets.extend(places.filter(|place| is_edited(offsets, place)));
+        }
+        for offset in &*self.layout.standing {
+            // Motions of other kinds and at other moments go by the configuration and the external axes of the base.
+            let goes_by = |print: &Print| print.changes_conf() || !print.axes.is_empty();
+            let is_held = |offset: &Offset| {
+                offset.steps.iter().filter_map(OffsetStep::place).all(|place| offsets.contains_key(&place))
+            };
+            let print = prints.get(offset.root as usize).and_then(Option::as_ref);
+            if print.is_some_and(|print| goes_by(print) || !is_held(offset)) {
+                self.frozen.insert(offset.root);
+            }
         }
         for &i in &kept {
             let other = match targets[i].role {
@@ -223,7 +239,7 @@ impl Writer<'_> {
     /// New arguments of `Offs` and `RelTool`.
     fn offsets(&mut self, changes: &[Option<Change>], prints: &[Option<Print>]) -> NewOffsets {
         let mut wishes = NewOffsets::new();
-        let mut users: Vec<(usize, SourceSpan, [SourceSpan; 3])> = Vec::new();
+        let mut users: Vec<(Option<usize>, SourceSpan, [SourceSpan; 3])> = Vec::new();
         let offset_of = |i: &usize| self.layout.offset(&self.layout.sites[*i]);
         let mut sites: Vec<usize> = (0..changes.len()).filter(|i| offset_of(i).is_some() && !self.along[*i]).collect();
         // An offset of an offset comes after it.
@@ -240,16 +256,25 @@ impl Writer<'_> {
             let Some(tokens) = offset.steps.last().and_then(|last| last.tokens) else { continue };
             let wish = self.wish(offset, (position_mm, wanted), (prints, &wishes));
             if wish.is_some() {
-                users.push((i, tokens[0], tokens));
+                users.push((Some(i), tokens[0], tokens));
             }
             // A target that stays also asks for its numbers.
+            self.agree(&mut wishes, tokens[0], wish.unwrap_or_default());
+        }
+        for offset in &*self.layout.standing {
+            let Some(tokens) = offset.steps.last().and_then(|last| last.tokens) else { continue };
+            let at = self.after(&offset.steps, self.literal_pose(self.literal_of(offset), None), &NewOffsets::new()).0;
+            let wish = self.wish(offset, (at, at), (prints, &wishes));
+            if wish.is_some() {
+                users.push((None, tokens[0], tokens));
+            }
             self.agree(&mut wishes, tokens[0], wish.unwrap_or_default());
         }
         wishes.retain(|place, _| !self.frozen_offsets.contains(place));
         let mut done = HashSet::new();
         for (i, place, tokens) in users {
             match wishes.get(&place) {
-                None => self.kept.push((i, Reason::SharedOffset)),
+                None => self.kept.extend(i.map(|i| (i, Reason::SharedOffset))),
                 Some(print) if done.insert(place) => {
                     for (token, content) in tokens.iter().zip(print) {
                         if let (Some(content), Some(edits)) = (content, self.edits.get_mut(token.source as usize)) {
@@ -277,7 +302,7 @@ impl Writer<'_> {
         #[allow(clippy::float_cmp)] // the very number that was read means no change
         let moves = moved || wanted != written;
         let tokens = last.tokens.filter(|_| moves)?;
-        let root = self.literal_pose(&self.layout.literals[offset.root as usize], base);
+        let root = self.literal_pose(self.literal_of(offset), base);
         let (position, quat) = self.after(before, root, wishes);
         let mut d: [f64; 3] = std::array::from_fn(|k| wanted[k] - position[k]);
         if last.in_tool {
@@ -325,7 +350,7 @@ impl Writer<'_> {
             }
             TargetInText::Offset(at) => {
                 let offset = &self.layout.offsets[at as usize];
-                let base = self.literal_pose(&self.layout.literals[offset.root as usize], print(offset.root));
+                let base = self.literal_pose(self.literal_of(offset), print(offset.root));
                 self.after(&offset.steps, base, offsets)
             }
             TargetInText::None => match self.program.targets[i].goal {

@@ -2,7 +2,7 @@
 
 use super::changes::is_synchronised;
 use super::eval::Scope;
-use super::expression::{Call, ExpressionKind};
+use super::expression::{Call, ExpressionKind, Part, PartStep};
 use super::gathering::Gathering;
 use super::known::RoutineId;
 use super::lex::{Cursor, LexemeKind};
@@ -252,7 +252,8 @@ impl<'a> Runner<'a> {
     fn assignment(&mut self, assignment: &'a Assignment) {
         let (scope, failures) = (self.scope(), self.errors.failures);
         let Assignment { to, value } = assignment;
-        if self.errors.guards > 0 && matches!(to.kind, ExpressionKind::Part(_)) {
+        let has_index = |part: &Part| part.steps.iter().any(|step| matches!(step, PartStep::Index(_)));
+        if self.errors.guards > 0 && matches!(&to.kind, ExpressionKind::Part(part) if has_index(part)) {
             // Evaluated for its indices.
             self.evaluate(scope, to);
         }

@@ -3,6 +3,7 @@
 use super::gathering::Gathering;
 use super::known::RoutineId;
 use super::literal::Literal;
+use super::pins::Origins;
 use super::ran::{Ran, Use};
 use super::state::{Begun, ModalState, Site, Standing, State};
 use super::steps::Routines;
@@ -91,6 +92,8 @@ pub(super) struct Runner<'a> {
     pub(super) is_recording: bool,
     /// The mark before the first routine.
     pub(super) mark_at_start: Option<Mark>,
+    /// Whether the expression that is evaluated is only shown to people, so that reading a robtarget does not hold it.
+    pub(super) is_shown: bool,
     pub(super) errors: Errors,
     pub(super) units: Units,
     pub(super) budget: Budget,
@@ -211,8 +214,12 @@ pub(super) struct Numbers {
     pub(super) pinned_data: BTreeSet<usize>,
     /// Offsets that must not be edited, by their first number.
     pub(super) held: HashSet<SourceSpan>,
-    /// Literals that parameters stood for, by routine and name.
-    pub(super) given: HashMap<(RoutineId, Box<[u8]>), Vec<u32>>,
+    /// Robtargets that variables have held, by the number of the variable; without those of `read`.
+    pub(super) origins: HashMap<usize, Origins>,
+    /// Variables that were read where it is unknown which robtarget they hold.
+    pub(super) read: HashSet<usize>,
+    /// Robtargets that parameters and data of routines with handlers stood for, by routine and name.
+    pub(super) given: HashMap<(RoutineId, Box<[u8]>), Origins>,
     /// Names of literals as motions spell them.
     pub(super) names: HashMap<u32, Arc<str>>,
 }
@@ -237,6 +244,10 @@ pub(super) struct Found {
     /// One per target.
     pub(super) sites: Vec<TargetInText>,
     pub(super) offsets: Vec<Offset>,
+    /// See [`Layout::standing`](super::Layout).
+    pub(super) standing: Vec<Offset>,
+    /// The roots and first numbers of these.
+    pub(super) standing_places: HashSet<(u32, Option<SourceSpan>)>,
     /// Motions without a target.
     pub(super) unknown: Vec<UnknownMotion>,
     /// The place of the last target.

@@ -1,6 +1,8 @@
 //! Other uses of a target's numbers: in routines that nothing runs, traps, handlers and functions. A number is edited only if all
 //! its uses are known and ask for the same value.
 
+use super::Offset;
+use super::expression::{Expression, ExpressionKind};
 use super::known::RoutineId;
 use super::motion;
 use super::ran::{Use, Way};
@@ -39,7 +41,15 @@ impl<'a> Runner<'a> {
         // A target made from a base would move with it, although it stays.
         let moves_along =
             !pose.steps.is_empty() && !self.reached.ran.has(usize::from(target.source), target.span.start);
-        if on_axes || moves_along || matches!(self.editable(target, pose), Editable::No(_)) {
+        let is_fixed = on_axes || matches!(self.editable(target, pose), Editable::No(_));
+        if moves_along
+            && !is_fixed
+            && target.motion != Motion::Circular
+            && let [step] = pose.steps[..]
+        {
+            return self.stand(Offset { root, steps: [step].into() });
+        }
+        if moves_along || is_fixed {
             self.numbers.pinned.insert(root);
             self.numbers.held.extend(offset);
             return;
@@ -80,7 +90,7 @@ impl<'a> Runner<'a> {
         };
         let changing: Vec<usize> = (0..self.symbols.data).filter(open).collect();
         for at in changing {
-            self.forget_data(at, Reason::ByHand);
+            self.lose_data(at, Reason::ByHand);
         }
         let mut anywhere = Switches::NONE;
         self.symbols.all().for_each(|id| anywhere |= self.symbols.changed_by(id).switches);
@@ -125,28 +135,100 @@ impl<'a> Runner<'a> {
         let parameters: HashSet<Box<[u8]>> = routine.params.iter().map(|param| key(param.name)).collect();
         let mut names = Vec::new();
         for statement in all {
+            if statement.call().is_some_and(|call| self.only_shows(module, call, bytes)) {
+                continue;
+            }
+            let is_hidden = |name: &[u8]| data.contains_key(name) || parameters.contains(name);
+            let standing = self.standing(id, statement, is_hidden);
+            let mut stands = Span::default();
             statement.each(&mut |part| {
-                self.numbers.pin_part(source, part);
-                names.extend(part.is_name().then_some(part.span));
+                if standing.is_some() && matches!(part.kind, ExpressionKind::Call(_)) {
+                    stands = part.span;
+                }
+                if !stands.range().contains(&(part.span.start as usize)) {
+                    self.numbers.pin_part(source, part);
+                    names.extend(part.is_name().then_some(part.span));
+                }
             });
+            standing.into_iter().for_each(|offset| self.stand(offset));
         }
         let mut done = HashSet::new();
         while let Some(name) = names.pop().map(key) {
             if !done.insert(name.clone()) {
                 continue;
             }
-            if let Some(data) = data.get(&name) {
-                if let Some(value) = &data.value {
+            if data.contains_key(&name) || parameters.contains(&name) {
+                if let Some(value) = data.get(&name).and_then(|data| data.value.as_ref()) {
                     self.numbers.pin_text(source, value);
                     names.extend(value.names());
                 }
-            } else if parameters.contains(&name) {
-                let given = self.numbers.given.get(&(id, name));
-                self.numbers.pinned.extend(given.into_iter().flatten());
+                if let Some(given) = self.numbers.given.remove(&(id, name)) {
+                    self.numbers.pin_origins(&given);
+                }
             } else if let Some(at) = self.symbols.find_data(module, &name) {
                 self.pin_read(at);
             }
         }
+    }
+
+    /// The target of a motion, if it is `Offs` or `RelTool` of a declared robtarget that nothing assigns, with numbers in the text: if the base
+    /// moves, other numbers can keep the motion in place. `is_hidden` are the names of the routine's own data.
+    fn standing(&self, id: RoutineId, statement: &Statement, is_hidden: impl Fn(&[u8]) -> bool) -> Option<Offset> {
+        let (call, bytes, module) = (statement.call()?, self.bytes(id.file), self.symbols.module_of(id));
+        let is_free = |name: &[u8]| self.symbols.find_routine(module, name).is_none();
+        let shape = motion::shape(&bytes[call.name.range()]).filter(|_| self.is_motion(id, statement))?;
+        let only_function = |of: &Expression| {
+            let mut calls = 0;
+            of.each(&mut |part: &Expression| calls += usize::from(matches!(part.kind, ExpressionKind::Call(_))));
+            calls
+        };
+        let calls: usize = call.arguments.given().map(only_function).sum();
+        let ExpressionKind::Call(function) = &call.arguments.positional.get(shape.to)?.kind else { return None };
+        let name = Upper::new(&bytes[function.name.range()]);
+        let [base, offset @ ..] = &function.arguments.positional[..] else { return None };
+        let key = Upper::new(&bytes[base.span.range()]);
+        let is_offset =
+            matches!(&*name, b"OFFS" | b"RELTOOL") && is_free(&name) && function.arguments.optional.is_empty();
+        if shape.motion == Motion::Circular || calls != 1 || !is_offset || !base.is_name() || is_hidden(&key) {
+            return None;
+        }
+        let variable = &self.symbols.variables[self.symbols.find_data(module, &key)?];
+        let value = variable.declared.and_then(|data| data.value.as_ref())?;
+        let is_fixed = !variable.assigned && variable.volatile.is_none() && *variable.kind == *b"ROBTARGET";
+        let root = self.numbers.literal_of(variable.source, value).filter(|_| is_fixed)?;
+        let is_written = |source: usize| source < self.written;
+        if !is_written(id.file) || !is_written(usize::from(variable.source)) {
+            return None;
+        }
+        #[allow(clippy::cast_possible_truncation)] // as many files as a target's source can number
+        let source = id.file as u16;
+        let number = |of: &Expression| match of.kind {
+            ExpressionKind::Number(Some(value)) => Some((value, SourceSpan { source, span: of.span })),
+            _ => None,
+        };
+        let [x, y, z] = offset else { return None };
+        let [x, y, z] = [number(x)?, number(y)?, number(z)?];
+        let in_tool = *name == *b"RELTOOL";
+        let step = OffsetStep::of([x.0, y.0, z.0], [x.1, y.1, z.1], in_tool);
+        Some(Offset { root, steps: [step].into() })
+    }
+
+    /// Records such a target.
+    fn stand(&mut self, offset: Offset) {
+        let place = offset.steps.last().and_then(OffsetStep::place);
+        if self.found.standing_places.insert((offset.root, place)) {
+            self.found.standing.push(offset);
+        }
+    }
+
+    /// Forbids edits of the base of such a target if its offset must not be edited.
+    pub(super) fn hold_what_cannot_stand(&mut self) {
+        let held = |offset: &Offset| {
+            offset.steps.last().and_then(OffsetStep::place).is_none_or(|place| self.numbers.held.contains(&place))
+        };
+        let pinned: Vec<u32> =
+            self.found.standing.iter().filter(|offset| held(offset)).map(|offset| offset.root).collect();
+        self.numbers.pinned.extend(pinned);
     }
 
     /// Files and starts of the statements in the bodies of routines.
@@ -274,7 +356,7 @@ impl<'a> Runner<'a> {
                     .collect();
                 let Some(first) = idle.first() else { continue };
                 let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();
-                let message = format!("{} of `{name}` left as they are: {reason}", motions(idle.len()));
+                let message = format!("{} of `{name}` not corrected: {reason}", motions(idle.len()));
                 let note = Diagnostic::error("rapid.not-run", "", message).at(&self.symbols.sources[id.file], *first);
                 self.messages.diagnostics.push(note.severity(Severity::Note));
                 idle.iter().for_each(|span| self.messages.kept.keep(id.file, *span, reason));

@@ -1,7 +1,7 @@
 //! Values of expressions, as far as they are known when reading, and the positions of their numbers.
 
 use super::literal::{self, Literal, UNUSED_AXIS, Written};
-use crate::{Conf, Reason, ToolData, WobjData};
+use crate::{Conf, NO_TURN, Reason, ToolData, WobjData};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::Span;
 use std::rc::Rc;
@@ -35,7 +35,7 @@ pub(super) struct Pose {
     pub(super) fixed: Option<Reason>,
 }
 
-/// One `Offs` or `RelTool`.
+/// One `Offs` or `RelTool`, or assignments to the coordinates of a variable.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct OffsetStep {
     pub(crate) offset_mm: [f64; 3],
@@ -45,9 +45,19 @@ pub(crate) struct OffsetStep {
     pub(crate) in_tool: bool,
     /// The rotation that `RelTool` adds.
     pub(crate) turn: [f64; 4],
+    /// Coordinates that the program assigns, instead of those of the base with the offset.
+    pub(crate) stated_mm: [Option<f64>; 3],
 }
 
 impl OffsetStep {
+    /// A step that changes nothing.
+    const NONE: Self = Self { offset_mm: [0.0; 3], tokens: None, in_tool: false, turn: NO_TURN, stated_mm: [None; 3] };
+
+    /// A step with its numbers in the text.
+    pub(super) fn of(offset_mm: [f64; 3], tokens: [SourceSpan; 3], in_tool: bool) -> Self {
+        Self { offset_mm, tokens: Some(tokens), in_tool, ..Self::NONE }
+    }
+
     /// The position of its first number, if all three are literals.
     pub(super) fn place(&self) -> Option<SourceSpan> {
         self.tokens.map(|tokens| tokens[0])
@@ -56,7 +66,53 @@ impl OffsetStep {
     /// The pose after this step.
     pub(crate) fn apply(&self, position: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
         let d = if self.in_tool { rotate(unit(quat), self.offset_mm) } else { self.offset_mm };
-        (std::array::from_fn(|i| position[i] + d[i]), multiply(quat, self.turn))
+        let position = std::array::from_fn(|i| self.stated_mm[i].unwrap_or(position[i] + d[i]));
+        (position, multiply(quat, self.turn))
+    }
+}
+
+impl Pose {
+    /// The pose with some coordinates of another one, at a distance from them; `None` if the other one is not made from the same numbers.
+    pub(super) fn with(&self, other: &Self, by_mm: [Option<f64>; 3]) -> Option<Self> {
+        let ((before, mut step), (before_other, from)) = (self.before_assigned(), other.before_assigned());
+        let is_alike = before.is_empty() && before_other.is_empty() && self.root == other.root;
+        if !is_alike && !self.is_at(other) {
+            return None;
+        }
+        let mut position_mm = self.written.position_mm;
+        for (axis, by) in by_mm.into_iter().enumerate() {
+            let Some(by) = by else { continue };
+            step.offset_mm[axis] = from.offset_mm[axis] + by;
+            step.stated_mm[axis] = from.stated_mm[axis].map(|stated| stated + by);
+            position_mm[axis] = other.written.position_mm[axis] + by;
+        }
+        Some(self.at(position_mm, step))
+    }
+
+    /// The pose with some coordinates replaced.
+    pub(super) fn stated(&self, stated_mm: [Option<f64>; 3]) -> Self {
+        let (mut step, mut position_mm) = (self.before_assigned().1, self.written.position_mm);
+        for (axis, stated) in stated_mm.into_iter().enumerate() {
+            let Some(stated) = stated else { continue };
+            (step.offset_mm[axis], step.stated_mm[axis]) = (0.0, Some(stated));
+            position_mm[axis] = stated;
+        }
+        self.at(position_mm, step)
+    }
+
+    /// The steps before the last assignments to its coordinates, and the step that these make: it has no numbers in the text.
+    fn before_assigned(&self) -> (&[OffsetStep], OffsetStep) {
+        match self.steps.split_last() {
+            Some((last, before)) if last.tokens.is_none() && !last.in_tool => (before, *last),
+            _ => (&self.steps, OffsetStep::NONE),
+        }
+    }
+
+    /// The pose at another position after its last assignments.
+    fn at(&self, position_mm: [f64; 3], assigned: OffsetStep) -> Self {
+        let last = Some(assigned).filter(|step| *step != OffsetStep::NONE);
+        let steps = self.before_assigned().0.iter().copied().chain(last).collect();
+        Self { written: Written { position_mm, ..self.written }, steps, ..*self }
     }
 }
 

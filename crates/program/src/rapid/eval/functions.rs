@@ -1,13 +1,16 @@
 //! Evaluates predefined functions whose arguments are known when reading.
 
-use super::super::expression::{Arguments, Call};
+use super::super::expression::{Arguments, Call, Expression, ExpressionKind, PartStep};
+use super::super::known::RoutineId;
 use super::super::predefined;
-use super::super::runner::Runner;
-use super::super::symbols::Upper;
+use super::super::runner::{Frame, Runner};
+use super::super::symbols::{Names, Upper};
+use super::super::tree::{Param, Statement, StatementKind};
 use super::super::value::{OffsetStep, Value, multiply, rotate, unit};
 use super::Scope;
 use crate::orientation::quaternion;
 use crate::{NO_TURN, Reason};
+use deflex_lang::ir::{Binary, SourceSpan};
 use deflex_text::number::write_fixed;
 use nalgebra::{Rotation3, Vector3};
 use std::rc::Rc;
@@ -22,6 +25,10 @@ impl<'a> Runner<'a> {
         if arguments.is_cut {
             self.unknown_call(scope, arguments);
             return Value::Unknown(Reason::Expression);
+        }
+        if let Some(value) = routine.and_then(|id| self.returned(id, arguments, &values)) {
+            self.counters.events += 1;
+            return value;
         }
         if let Some(id) = routine {
             values.iter().for_each(|v| self.numbers.pin_value(v));
@@ -82,6 +89,62 @@ impl<'a> Runner<'a> {
         })
     }
 
+    /// The value of a function of the program that only returns an expression of copies of its arguments, which changes nothing and raises no
+    /// error. Other calls use the numbers in its text too.
+    fn returned(&mut self, id: RoutineId, arguments: &Arguments, values: &[Value]) -> Option<Value> {
+        let (routine, bytes, module) = (self.symbols.routine(id), self.bytes(id.file), self.symbols.module_of(id));
+        let [Statement { kind: StatementKind::Return(Some(returned)), .. }] = &routine.body[..] else { return None };
+        let is_copy = |param: &Param| !param.by_reference && !param.optional;
+        let mut is_plain = routine.data.is_empty()
+            && routine.handlers.is_empty()
+            && arguments.optional.is_empty()
+            && routine.params.len() == values.len()
+            && routine.params.iter().all(is_copy);
+        returned.each(&mut |part: &Expression| {
+            is_plain &= match &part.kind {
+                ExpressionKind::Call(call) => {
+                    let name = &bytes[call.name.range()];
+                    self.symbols.find_routine(module, name).is_none() && predefined::never_fails(name)
+                }
+                ExpressionKind::Chain(chain) => chain
+                    .operations
+                    .iter()
+                    .all(|operation| matches!(operation.operator, Binary::Add | Binary::Subtract | Binary::Multiply)),
+                ExpressionKind::Part(part) => part.steps.iter().all(|step| matches!(step, PartStep::Component(_))),
+                ExpressionKind::Unknown(..) => false,
+                _ => true,
+            }
+        });
+        if !is_plain {
+            return None;
+        }
+        let first = self.symbols.variables.len();
+        let mut names = Names::new();
+        for (param, value) in routine.params.iter().zip(values) {
+            let value = value.without_tokens();
+            let at = self.new_variable(bytes, id.file, module, param.kind, param.name, value);
+            names.insert(Box::from(&*Upper::new(&bytes[param.name.range()])), at);
+        }
+        self.frames.push(Frame { routine: id, module, names, ..Frame::default() });
+        let value = self.value(self.scope(), returned);
+        self.frames.pop();
+        self.symbols.variables.truncate(first);
+        Some(match value {
+            Value::Target(pose) => {
+                let mut pose = (*pose).clone();
+                let is_own = |place: SourceSpan| {
+                    usize::from(place.source) == id.file && routine.text.range().contains(&place.span.range().start)
+                };
+                pose.steps
+                    .iter_mut()
+                    .filter(|step| step.place().is_some_and(is_own))
+                    .for_each(|step| step.tokens = None);
+                Value::Target(Rc::new(pose))
+            }
+            other => other.without_tokens(),
+        })
+    }
+
     /// `\Rx`, `\Ry`, `\Rz` of `RelTool`: turns about x, then the new y, then the new z.
     fn turn(&mut self, scope: Scope, arguments: &'a Arguments) -> Option<[f64; 4]> {
         let bytes = self.bytes(scope.source as usize);
@@ -112,7 +175,7 @@ impl<'a> Runner<'a> {
             self.numbers.pin_value(&values[0]);
             return Value::Unknown(values[0].unknown().unwrap_or(Reason::Computed));
         };
-        let step = OffsetStep { offset_mm, tokens, in_tool, turn };
+        let step = OffsetStep { offset_mm, tokens, in_tool, turn, stated_mm: [None; 3] };
         let mut pose = (*base).clone();
         (pose.written.position_mm, pose.written.quat) = step.apply(pose.written.position_mm, pose.written.quat);
         if pose.root.is_some() {
