@@ -48,11 +48,31 @@ pub struct Motion<'a> {
 }
 
 impl Motion<'_> {
+    /// Records that the motion does not end at its point. Of several reasons, a position register that shifts the point is the last one, because such a
+    /// motion still moves with its point.
+    fn moves(&mut self, why: Reason) {
+        if self.moved.is_none_or(|known| is_shift(known) && !is_shift(why)) {
+            self.moved = Some(why);
+        }
+    }
+
+    /// Why the motion ends at a known distance and turn from its position, of which only the controller knows the numbers.
+    #[must_use]
+    pub fn shifted(&self) -> Option<Reason> {
+        let is_one_line = self.via.is_none() && !self.is_arc && !self.coordinated;
+        self.moved.filter(|why| is_shift(*why) && is_one_line)
+    }
+
     /// Whether it is relative to where the arm stands.
     #[must_use]
     pub(crate) fn counts_on(&self) -> bool {
         self.moved == Some(Reason::Increment)
     }
+}
+
+/// Whether a motion ends at its point, shifted by a position register.
+fn is_shift(moved: Reason) -> bool {
+    matches!(moved, Reason::MovedByRegister | Reason::ToolMovedByRegister)
 }
 
 /// The speed of the TCP in a motion.
@@ -275,10 +295,10 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
             match WORDS.iter().find(|(known, _)| *known == upper).map(|(_, meaning)| meaning) {
                 Some(Meaning::Plain) => {}
                 Some(Meaning::Moved(why)) => {
-                    motion.moved.get_or_insert(*why);
+                    motion.moves(*why);
                 }
                 Some(Meaning::Skip) => {
-                    motion.moved.get_or_insert(Reason::Skip);
+                    motion.moves(Reason::Skip);
                     motion.skip = label(after);
                     return;
                 }
@@ -293,7 +313,7 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
                 None if within.is_some() && matches!(&upper[..], b"R" | b"AR" | b"PR") => {}
                 None if is_timed => {}
                 None => {
-                    motion.moved.get_or_insert(Reason::MotionOption);
+                    motion.moves(Reason::MotionOption);
                 }
             }
             rest = after;
@@ -301,7 +321,7 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
         }
         let mark = |b: &u8| matches!(b, b',' | b'=' | b'%' | b'.' | b'(' | b')') || b.is_ascii_digit();
         if !is_timed && !mark(&rest[0]) {
-            motion.moved.get_or_insert(Reason::MotionOption);
+            motion.moves(Reason::MotionOption);
         }
         rest = &rest[1..];
     }

@@ -6,11 +6,11 @@ use super::written::{DECIMALS, nearest};
 use super::{arcs, insert};
 use crate::front_end::Wanted;
 use crate::orientation::{from_zyx_deg, halfway, quaternion, rotation, zyx_deg};
-use crate::shared::{Agreed, agreed};
+use crate::shared::{Agreed, agreed, follows};
 use crate::token::{New, single};
 use crate::{Change, Conf, Editable, Goal, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
 use deflex_text::{Content, Edit, Span, Token};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// New texts of the tokens of a position; `None` for a token that stays.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -36,7 +36,13 @@ impl Print {
 pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) -> Rewritten {
     let Wanted { inserts, options, .. } = wanted;
     let Agreed { changes, along, .. } = agreed(program, &wanted, |i| layout.sites[i].into_iter().collect());
-    let mut writer = Writer { program, layout, options, along, frozen: BTreeSet::new() };
+    // A motion that a register moves with its position holds the position if it cuts, and otherwise its turn numbers: where the motion ends, they
+    // may be others.
+    let followers = (0..along.len()).filter(|i| follows(program.targets[*i].editable));
+    let (free, cutting): (Vec<usize>, Vec<usize>) = followers.partition(|i| along[*i]);
+    let frozen = cutting.into_iter().filter_map(|i| Some((layout.sites[i]?, Reason::MovedToo))).collect();
+    let followed = free.into_iter().filter_map(|i| layout.sites[i]).collect();
+    let mut writer = Writer { program, layout, options, along, frozen, followed };
     let (prints, mut kept) = loop {
         let (prints, kept) = writer.prints(&changes);
         if !writer.freeze(&kept) {
@@ -79,8 +85,10 @@ struct Writer<'a> {
     options: &'a RewriteOptions<'a>,
     /// Whether each target goes where its position goes, without a wish of its own.
     along: Vec<bool>,
-    /// Positions that must stay because another point of their arc must.
-    frozen: BTreeSet<u32>,
+    /// Positions that must stay because another motion or another point of their arc must, with the reason.
+    frozen: BTreeMap<u32, Reason>,
+    /// Positions with which motions move that end elsewhere.
+    followed: BTreeSet<u32>,
 }
 
 impl Writer<'_> {
@@ -115,11 +123,11 @@ impl Writer<'_> {
             }
         }
         for (i, site, wish) in wishes {
-            let frozen = self.frozen.contains(&site);
-            if refused.contains(&site) || frozen {
+            let frozen = self.frozen.get(&site).copied();
+            if refused.contains(&site) || frozen.is_some() {
                 prints[site as usize] = None;
                 if changes[i].as_ref().is_some_and(|change| self.differs(i, change)) {
-                    kept.push((i, wish.err().unwrap_or(if frozen { Reason::Arc } else { Reason::SharedNumbers })));
+                    kept.push((i, wish.err().or(frozen).unwrap_or(Reason::SharedNumbers)));
                 }
             }
         }
@@ -135,7 +143,10 @@ impl Writer<'_> {
         let points = &self.layout.points;
         for &(i, _) in kept {
             let arc = points[points.partition_point(|arc| arc.end <= i)..].first().filter(|arc| arc.contains(&i));
-            self.frozen.extend(arc.into_iter().flat_map(|arc| self.layout.sites[arc.clone()].iter().flatten()));
+            let sites = arc.into_iter().flat_map(|arc| self.layout.sites[arc.clone()].iter().flatten());
+            for site in sites {
+                self.frozen.entry(*site).or_insert(Reason::Arc);
+            }
         }
         self.frozen.len() > count
     }
@@ -175,6 +186,9 @@ impl Writer<'_> {
             print.turned = true;
         }
         if let (Some(Conf::Turns(wanted)), Some(written)) = (change.conf, pose.config) {
+            if self.layout.sites[i].is_some_and(|site| self.followed.contains(&site)) {
+                return Err(Reason::TurnsChange);
+            }
             self.turns(&mut print, written, wanted.posture, wanted.turns)?;
         }
         Ok(print)

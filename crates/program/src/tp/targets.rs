@@ -6,6 +6,7 @@ use super::position::{Body, Number, Pose, Position};
 use crate::EXTERNAL_AXES;
 use crate::lowered::intern;
 use crate::orientation::{from_zyx_deg, quaternion};
+use crate::shared::follows;
 use crate::{
     Conf, Editable, ExternalAxes, Goal, GroupAxis, Mark, Motion as Path, Predecessor, Reason, Role, Target, Tool,
     ToolData, Wobj, WobjData,
@@ -153,7 +154,8 @@ impl<'a> Builder<'a> {
         }
         let position = &self.positions[known];
         let spline = motion.moved.filter(|_| stays_at_its_point(motion));
-        if let Some(why) = motion.moved.filter(|_| spline.is_none()) {
+        let shifted = motion.shifted().filter(|_| matches!(position.body, Body::Pose(_)));
+        if let Some(why) = motion.moved.filter(|_| spline.is_none() && shifted.is_none()) {
             return Err(why);
         }
         if let Some(why) = visit.held.displaced() {
@@ -168,7 +170,7 @@ impl<'a> Builder<'a> {
             Body::Joints { deg, frames } => (Goal::Joints { deg: *deg }, *frames, None, Some(Reason::Joints)),
         };
         let mark = visit.held.mark();
-        let why = why.or(mark.err()).or(self.all_frozen);
+        let why = why.or(mark.err()).or(self.all_frozen).or(shifted);
         let mark = match mark {
             Ok(Some(b"air")) => Some(Mark::Air),
             Ok(Some(b"cut")) => Some(Mark::Cut),
@@ -195,6 +197,7 @@ impl<'a> Builder<'a> {
             }),
             mark,
             editable: why.map_or(Editable::Pose, Editable::No),
+            located: shifted.is_none(),
             external: self.external(position, motion),
             name: Some(format!("P[{}]", position.number).into()),
             ..Target::new(ordinal, path, goal, frames, place, number)
@@ -263,9 +266,10 @@ impl<'a> Builder<'a> {
                 refuse(target, why);
             }
         }
-        // A target that must stay fixes its numbers for all motions that use them.
+        // A target that must stay fixes its numbers for all motions that use them. Whether one that moves with them may do so is known when
+        // the corrections are.
         let mut held: BTreeMap<u32, Reason> = BTreeMap::new();
-        for (target, site) in built.targets.iter().zip(&built.sites) {
+        for (target, site) in built.targets.iter().zip(&built.sites).filter(|(target, _)| !follows(target.editable)) {
             if let (Editable::No(why), Some(site)) = (target.editable, site) {
                 held.entry(*site).or_insert(why);
             }
