@@ -55,7 +55,12 @@ pub(crate) fn goes_along<K: Eq + Hash>(program: &Program, i: usize, numbers: &Nu
 pub(crate) fn follows(editable: Editable) -> bool {
     matches!(
         editable,
-        Editable::No(Reason::OffsetWithExpression | Reason::MovedByRegister | Reason::ToolMovedByRegister)
+        Editable::No(
+            Reason::OffsetWithExpression
+                | Reason::MovedByRegister
+                | Reason::ToolMovedByRegister
+                | Reason::PositionRegister
+        )
     )
 }
 

@@ -119,3 +119,83 @@ fn turn_numbers_of_a_motion_that_is_moved_stay() {
     let moved = "J P[2] 20% FINE Offset,PR[1]\nL P[2] 30mm/sec FINE";
     assert_eq!(changes(moved), (false, vec![(1, Reason::TurnsChange)]));
 }
+
+const COPY: &str = "PR[1]=P[2]\nPR[1,3]=PR[1,3]+50";
+
+#[test]
+fn an_approach_to_a_register_above_the_position_goes_along() {
+    for approach in [
+        &format!("{COPY}\nL PR[1] 400mm/sec FINE")[..],
+        "PR[1:above]=P[2:start]\nPR[1,3:above]=PR[1,3]+R[5]\nJ PR[1:above] 20% FINE",
+        "PR[1]=P[2]\nPR[1,3]=50\nL PR[1] 400mm/sec FINE Offset,PR[4]",
+        "IF (DI[1]=ON) THEN\nPR[1]=P[2]\nPR[1,3]=PR[1,3]-5\nL PR[1] 400mm/sec FINE\nENDIF",
+        "IF (DI[1]=ON) THEN\nPR[1]=P[2]\nENDIF\nL PR[1] 400mm/sec FINE",
+        // The register has another value when it is used.
+        "PR[1]=P[2]\nPR[1]=LPOS\nR[1]=PR[1,3]\nUFRAME[5]=PR[1]\nL PR[1] 30mm/sec FINE",
+        "PR[1]=P[2]\nUFRAME[5]=PR[3]\nR[1]=PR[2,3]\nPR[2]=PR[3]",
+    ] {
+        assert_eq!(edits(&format!("{approach}\n{CUT}")), [2, 3], "{approach}");
+        assert_eq!(edits(&format!("{CUT}\n{approach}")), [2, 3], "{approach}");
+    }
+    // One register above two positions.
+    let two = "PR[1]=P[2]\nL PR[1] 400mm/sec FINE\nL P[2] 30mm/sec FINE\nPR[1]=P[3]\nL PR[1] 400mm/sec FINE\nL P[3] 30mm/sec FINE";
+    assert_eq!(edits(two), [2, 3]);
+}
+
+#[test]
+fn a_position_on_which_anything_else_depends_by_a_register_stays() {
+    for other in [
+        "L PR[1] 30mm/sec FINE",
+        "R[1]=PR[1,3]",
+        "IF (PR[1,3]>5) THEN\nENDIF",
+        "PR[1,2]=PR[1,3]+1",
+        "PR[1,3]=PR[1,3]*2",
+        "PR[2]=PR[1]",
+        "PR[2,3]=PR[1,3]\nL PR[2] 400mm/sec FINE",
+        "P[4]=PR[1]",
+        "UFRAME[5]=PR[1]",
+        "L P[3] 400mm/sec FINE Offset,PR[1]",
+        "L P[4] 400mm/sec FINE Tool_Offset,PR[R[1]]",
+        "L PR[1] 400mm/sec FINE Skip,LBL[1]",
+        "L PR[1] 400mm/sec FINE INC",
+        "L PR[1] 400mm/sec FINE\nL P[4] 400mm/sec FINE INC",
+        "C P[4] PR[1] 400mm/sec FINE",
+        // A program that is not given may cut there, and so may one that runs at the same time.
+        "CALL OTHER",
+        "CALL OTHER(1,PR[1])",
+        "RUN OTHER",
+        "L P[4] 400mm/sec FINE TB .10sec,CALL OTHER",
+        "MAKRO",
+        "IF DI[1]=ON,PR[5]=P[2]",
+        "PR[R[1]]=P[2]",
+        "PR[5]=P[2]+PR[6]",
+        "PR[5,3]=P[2,3]",
+        // The registers of two positions: neither may change the end.
+        "IF (DI[1]=ON) THEN\nPR[1]=P[3]\nENDIF\nL PR[1] 400mm/sec FINE",
+    ] {
+        let statements = format!("{COPY}\n{CUT}\nLBL[1]\n{other}");
+        assert!(!edits(&statements).contains(&2), "{other}: {:?}", program_of(&statements, &[]).kept);
+    }
+    // The next cycle begins with the register that this one leaves.
+    assert_eq!(edits(&format!("L PR[1] 30mm/sec FINE\n{COPY}\n{CUT}")), [3]);
+    assert_eq!(edits(&format!("L PR[1] 400mm/sec FINE\n{COPY}\n{CUT}")), [2, 3]);
+    assert_eq!(edits(&format!("R[1]=PR[1,1]\n{COPY}\n{CUT}")), [3]);
+}
+
+#[test]
+fn other_programs_that_are_given_may_use_the_register() {
+    let main = format!("{COPY}\nL PR[1] 400mm/sec FINE\n{CUT}\nCALL SUB");
+    let with = |sub: &str| edited(&program_of(&main, &[("SUB", sub)]));
+    for harmless in ["DO[1]=ON", "L P[1] 400mm/sec FINE", "PR[1,3]=5", "PR[1]=LPOS", "L PR[2] 30mm/sec FINE"] {
+        assert_eq!(with(harmless), [2, 3], "{harmless}");
+    }
+    for uses in ["L PR[1] 400mm/sec FINE", "PR[2]=PR[1]", "R[1]=PR[R[2],3]", "CALL OTHER", "RUN WATCH"] {
+        assert_eq!(with(uses), [3], "{uses}");
+    }
+    // One that calls this program, or that runs after it.
+    let alone = format!("{COPY}\nL PR[1] 400mm/sec FINE\n{CUT}");
+    let after = |other: &str| edited(&program_of(&alone, &[("OTHER", other)]));
+    assert_eq!(after("CALL MAIN\nL PR[2] 30mm/sec FINE"), [2, 3]);
+    assert_eq!(after("CALL MAIN\nL PR[1] 30mm/sec FINE"), [3]);
+    assert_eq!(after("L PR[1] 30mm/sec FINE"), [3]);
+}

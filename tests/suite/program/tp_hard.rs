@@ -266,10 +266,10 @@ const HARD: &[Hard] = &[
         ..PLAIN
     },
     Hard {
-        what: "a position that is read, one that is changed, and one by its coordinate",
+        what: "a position in a register that nothing uses, one that is changed, and one by its coordinate",
         statements: "PR[1]=P[1]\nP[2]=PR[4]\nPR[3,1]=P[3,1]\nL P[1] 10mm/sec FINE\nL P[2] 10mm/sec FINE\nL P[3] 10mm/sec FINE\nL P[4] 10mm/sec FINE",
-        edited: &[4],
-        kept: &[(4, NAMED), (5, NAMED), (6, NAMED)],
+        edited: &[1, 4],
+        kept: &[(5, NAMED), (6, NAMED)],
         ..PLAIN
     },
     Hard {
@@ -526,7 +526,7 @@ const HARD: &[Hard] = &[
     },
     Hard {
         what: "A with one point that stays holds its arc, and an arc that shares a point",
-        statements: "A P[1] 10mm/sec FINE\nA P[2] 10mm/sec FINE\nA P[3] 10mm/sec FINE\nPR[1]=P[2]\nC P[4] P[3] 10mm/sec FINE\nL P[5] 10mm/sec FINE",
+        statements: "A P[1] 10mm/sec FINE\nA P[2] 10mm/sec FINE\nA P[3] 10mm/sec FINE\nPR[1,1]=P[2,1]\nC P[4] P[3] 10mm/sec FINE\nL P[5] 10mm/sec FINE",
         edited: &[5],
         kept: &[(1, HALF_ARC), (2, NAMED), (3, HALF_ARC), (5, HALF_ARC)],
         ..PLAIN

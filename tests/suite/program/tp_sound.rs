@@ -98,7 +98,7 @@ fn flatten(ops: &[Op], lines: &mut Vec<(String, Does)>) {
             Op::MoveTo(r) => plain(format!("L P[R[{r}]] 10mm/sec CNT50")),
             Op::Offset(p) => plain(format!("L P[{p}] 10mm/sec FINE Offset,PR[9]")),
             Op::Increment(p) => plain(format!("L P[{p}] 10mm/sec FINE INC")),
-            Op::Read(p) => plain(format!("PR[9]=P[{p}]")),
+            Op::Read(p) => plain(format!("PR[9,1]=P[{p},1]")),
             Op::Redefine(n, pr) => plain(format!("UFRAME[{n}]=PR[{pr}]")),
             Op::Fill(pr, x, turned) => {
                 for (element, value) in (1..).zip([*x, 2, 3, 90 * i32::from(*turned), 0, 0]) {
@@ -546,7 +546,7 @@ fn hand_made_cases() {
             format!("! deflex air\nIF DI[1]=ON,JMP LBL[1]\n! deflex cut\nLBL[1]\nL P[1] 5{FINE}"),
             "whether this motion cuts is known only at run time",
         ),
-        (format!("PR[1]=P[1]\nL P[1] 5{FINE}"), "position that another instruction reads or changes"),
+        (format!("PR[1]=P[1]\nR[1]=PR[1,1]\nL P[1] 5{FINE}"), "position that another instruction reads or changes"),
         (format!("JMP LBL[1]\nL P[1] 5{FINE}\nLBL[1]\nL P[2] 5{FINE}"), "+; motion that nothing reaches"),
         (format!("L P[7] 5{FINE}"), "position that is not in /POS"),
         (format!("TRACK TAST[1]\nL P[1] 5{FINE}"), "path is moved at run time (tracking)"),

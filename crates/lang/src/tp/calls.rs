@@ -2,6 +2,7 @@
 
 use super::code::Code;
 use super::effects::{Calls, Effect, Effects, NOT_GIVEN, effects, upper};
+use super::expression;
 use super::lines::{sections, statements};
 use super::lower::counts_from_its_start;
 use super::statement::{self, StatementKind};
@@ -19,6 +20,10 @@ impl Calls {
         let mut calls = Self { given, ..Self::default() };
         if let Some(first) = first {
             calls.find_callers(&all, &own, &first);
+            let others = own.iter().filter(|(name, _)| **name != first).flat_map(|(_, own)| &own.effects);
+            calls.used_elsewhere = others
+                .filter_map(|effect| if let Effect::Uses(register) = effect { Some(*register) } else { None })
+                .collect();
             // The next cycle may begin where this one ends.
             calls.is_counted_from |= own.get(&first).is_some_and(|own| own.effects.contains(&Effect::Counts));
         }
@@ -110,8 +115,11 @@ fn one(bytes: &[u8]) -> Option<(String, Own)> {
     let lines = statements(bytes, sections.statements?);
     let kinds: Vec<StatementKind<'_>> = lines.iter().map(statement::kind).collect();
     let mut own = Own::default();
-    for kind in &kinds {
+    for (line, kind) in lines.iter().zip(&kinds) {
         own.effects.extend(effects(kind));
+        let end = if let StatementKind::Motion(motion) = kind { motion.moves_to_register() } else { None };
+        let used = statement::registers_used(line, kind).into_iter().chain(end);
+        own.effects.extend(used.map(|register| Effect::Uses(expression::count(register))));
         own.calls.extend(statement::runs(kind).into_iter().map(upper));
     }
     let counts = |kind: &StatementKind<'_>| matches!(kind, StatementKind::Motion(motion) if motion.counts_on());

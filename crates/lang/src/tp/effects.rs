@@ -16,6 +16,8 @@ pub(super) enum Effect {
     Redefine(Frame, Option<u32>),
     /// Sets elements of a position register.
     Elements(Option<u32>),
+    /// Does something that depends on a position register.
+    Uses(Option<u32>),
     /// Gives a position register axis angles, perhaps.
     Axes(Option<u32>),
     /// Sets the speed override.
@@ -34,9 +36,10 @@ pub(super) type Effects = BTreeSet<Effect>;
 
 /// The effects of a program that is not given. It changes neither the speed override nor the values of frames and tools, because those of the
 /// cell are what the controller has (`docs/soundness.md`).
-pub(super) const NOT_GIVEN: [Effect; 5] = [
+pub(super) const NOT_GIVEN: [Effect; 6] = [
     Effect::Register(None),
     Effect::Elements(None),
+    Effect::Uses(None),
     Effect::Select(Frame::User),
     Effect::Select(Frame::Tool),
     Effect::Moves,
@@ -54,6 +57,8 @@ pub(super) const NOT_GIVEN: [Effect; 5] = [
 #[derive(Clone, Debug, Default)]
 pub struct Calls {
     pub(super) given: BTreeMap<String, Effects>,
+    /// Position registers on which other programs depend that are given.
+    pub(super) used_elsewhere: BTreeSet<Option<u32>>,
     /// Whether another program may call the first one.
     pub(super) is_called: bool,
     /// Whether something may, after the first one has ended, move relative to where the arm stands: another program, or its next cycle.
@@ -104,7 +109,7 @@ pub(super) fn effects(kind: &StatementKind<'_>) -> Vec<Effect> {
         StatementKind::Element(register, ..) => vec![Effect::Elements(expression::count(register))],
         StatementKind::PositionRegister(register, from) => {
             let register = expression::count(register);
-            let axes = (*from == Whole::Unknown).then_some(Effect::Axes(register));
+            let axes = matches!(from, Whole::Unknown | Whole::Taught(_)).then_some(Effect::Axes(register));
             axes.into_iter().chain([Effect::Elements(register)]).collect()
         }
         StatementKind::RedefineAny => {

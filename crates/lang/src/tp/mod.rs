@@ -53,7 +53,7 @@ mod builtin {
     pub(super) const CONCURRENT: u16 = 7;
     /// Records that another program may have moved the arm.
     pub(super) const ELSEWHERE: u16 = 8;
-    /// A position, by its number, with the user frames and tools.
+    /// A position, by its number, with the user frames and tools, and with the value that depends on the positions of a position register.
     pub(super) const POSITION: u16 = 9;
     /// Sets an element of a position register, by their numbers; all elements if the number of the element is unknown.
     pub(super) const ELEMENT: u16 = 10;
@@ -69,8 +69,8 @@ const POSITIONS: u32 = STANDS + 1;
 const ANY: [u32; 2] = [POSITIONS + 1, POSITIONS + 2];
 /// The speed override, per cent.
 const OVERRIDE: u32 = ANY[1] + 1;
-/// The first user frame.
-const FRAMES: u32 = OVERRIDE + 1;
+/// The positions from which the position registers come that the program sets to positions, in the order of their numbers.
+const ORIGINS: u32 = OVERRIDE + 1;
 
 /// The semantics of TP for one program.
 #[derive(Clone, Debug)]
@@ -235,7 +235,9 @@ impl Dialect for Tp {
                     Some(index) => number(f64::from(index)),
                     None => Value::unknown(Reason::PositionUnknown),
                 };
-                return Content::List([index, self.values_of(0, store), self.values_of(1, store)].into()).into();
+                let origin = arguments.get("", 1).cloned().unwrap_or_else(|| Content::Nothing.into());
+                return Content::List([index, self.values_of(0, store), self.values_of(1, store), origin].into())
+                    .into();
             }
             _ => {
                 for (frame, switch) in [Switch::Frame, Switch::Tool].into_iter().enumerate() {

@@ -56,11 +56,20 @@ impl Motion<'_> {
         }
     }
 
-    /// Why the motion ends at a known distance and turn from its position, of which only the controller knows the numbers.
+    /// Why the motion ends at a distance and turn from a position that only the controller knows; `None` for other motions.
     #[must_use]
     pub fn shifted(&self) -> Option<Reason> {
         let is_one_line = self.via.is_none() && !self.is_arc && !self.coordinated;
-        self.moved.filter(|why| is_shift(*why) && is_one_line)
+        let register = matches!(self.end, Point::Register(_)).then_some(Reason::PositionRegister);
+        self.moved.filter(|why| is_shift(*why)).or(register.filter(|_| self.moved.is_none())).filter(|_| is_one_line)
+    }
+
+    /// The index of the position register to which the motion goes, if it is [`shifted`](Self::shifted).
+    pub(super) fn moves_to_register(&self) -> Option<&[u8]> {
+        match self.end {
+            Point::Register(index) if self.shifted().is_some() => Some(index),
+            _ => None,
+        }
     }
 
     /// Whether it is relative to where the arm stands.
@@ -114,6 +123,8 @@ pub enum Speed<'a> {
 pub enum Point<'a> {
     /// `P[…]`: the index as written.
     Position(&'a [u8]),
+    /// `PR[…]`: the index as written.
+    Register(&'a [u8]),
     /// A place that is known only at run time, with the reason.
     RunTime(Reason),
 }
@@ -162,7 +173,7 @@ fn point(input: &[u8]) -> Parsed<'_, Point<'_>> {
     let (rest, (_, name, _, within)) = (blanks, name, blanks, brackets).parse(input)?;
     let point = match name.len() {
         1 => Point::Position(index(within)),
-        2 => Point::RunTime(Reason::PositionRegister),
+        2 => Point::Register(index(within)),
         _ => Point::RunTime(Reason::Palletizing),
     };
     Ok((rest, point))
@@ -480,7 +491,7 @@ mod tests {
     fn points_are_told_apart() {
         let circle = read("C P[1:a] P[R[2]] 100mm/sec FINE");
         assert_eq!((circle.via, circle.end), (Some(Point::Position(b"1")), Point::Position(b"R[2]")));
-        assert!(matches!(read("J PR[1] 100% FINE").end, Point::RunTime(_)));
+        assert!(matches!(read("J PR[1] 100% FINE").end, Point::Register(b"1")));
         assert!(matches!(read("J PAL_1[A_2] 30% FINE").end, Point::RunTime(_)));
         for other in ["LBL[1]", "JMP LBL[1]", "CALL P", "Lift P", "C P[1] 100mm/sec FINE"] {
             assert_eq!(motion(other.as_bytes()), None, "{other}");

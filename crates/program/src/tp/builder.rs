@@ -46,6 +46,7 @@ impl Visit<'_> {
         };
         match point {
             Point::Position(_) => Ok(number),
+            Point::Register(_) => Err(Reason::PositionRegister),
             Point::RunTime(why) => Err(why),
         }
     }

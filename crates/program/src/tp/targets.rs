@@ -13,7 +13,7 @@ use crate::{
 };
 use deflex_lang::ir;
 use deflex_lang::run::Outcome;
-use deflex_lang::tp::{self, Defined, Frame, Held, Motion, Speed, StatementKind};
+use deflex_lang::tp::{self, Defined, Frame, Held, Motion, Point, Speed, StatementKind};
 use nalgebra::Isometry3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -70,6 +70,14 @@ impl<'a> Builder<'a> {
             Some((at, false)) => Ok(*at),
             Some((_, true)) => Err(Reason::PositionTwice),
             None => Err(Reason::PositionMissing),
+        }
+    }
+
+    /// The position to which a motion goes, or from which the position register comes to which it goes.
+    fn comes_from(&self, visit: &Visit<'_>, role: Role) -> Result<usize, Reason> {
+        match (visit.number(role), &visit.held.origins()[..]) {
+            (Err(Reason::PositionRegister), [origin]) => Ok(origin.0 as usize),
+            (number, _) => self.position(number?),
         }
     }
 
@@ -140,22 +148,25 @@ impl<'a> Builder<'a> {
                 None => self.freeze_where_it_may_go(visit.held),
             }
         }
+        for origin in visit.held.origins() {
+            self.frozen.entry(origin.0 as usize).or_insert(Reason::PositionNamed);
+        }
         self.unknown(visit.at, why);
     }
 
     /// The target for a point of a motion; `Err` has the reason if its place is unknown.
     pub(super) fn point(&mut self, visit: &Visit<'_>, role: Role) -> Result<(Target, EditablePosition), Reason> {
         let motion = visit.motion;
-        let number = visit.number(role)?;
-        let known = self.position(number)?;
+        let known = self.comes_from(visit, role)?;
+        let position = &self.positions[known];
         // The program may have given it another value, in this cycle or in the one before.
-        if self.assigned.contains(&number) || self.assigned.contains(&None) {
+        if self.assigned.contains(&Some(position.number)) || self.assigned.contains(&None) {
             return Err(Reason::PositionNamed);
         }
-        let position = &self.positions[known];
         let spline = motion.moved.filter(|_| stays_at_its_point(motion));
-        let shifted = motion.shifted().filter(|_| matches!(position.body, Body::Pose(_)));
-        if let Some(why) = motion.moved.filter(|_| spline.is_none() && shifted.is_none()) {
+        let shifted = motion.shifted();
+        let follows = matches!(position.body, Body::Pose(_));
+        if let Some(why) = motion.moved.or(shifted).filter(|_| spline.is_none() && (shifted.is_none() || !follows)) {
             return Err(why);
         }
         if let Some(why) = visit.held.displaced() {
@@ -175,6 +186,11 @@ impl<'a> Builder<'a> {
             Ok(Some(b"air")) => Some(Mark::Air),
             Ok(Some(b"cut")) => Some(Mark::Cut),
             _ => None,
+        };
+        let (frames, name) = match motion.end {
+            // A position register names no frames.
+            Point::Register(index) => ([Number::Selected; 2], format!("PR[{}]", String::from_utf8_lossy(index))),
+            _ => (frames, format!("P[{}]", position.number)),
         };
         let frames = self.frames(frames, visit.held)?;
         let path = match (motion.path, &goal) {
@@ -199,7 +215,7 @@ impl<'a> Builder<'a> {
             editable: why.map_or(Editable::Pose, Editable::No),
             located: shifted.is_none(),
             external: self.external(position, motion),
-            name: Some(format!("P[{}]", position.number).into()),
+            name: Some(name.into()),
             ..Target::new(ordinal, path, goal, frames, place, number)
         };
         Ok((target, site))
@@ -257,10 +273,14 @@ impl<'a> Builder<'a> {
     /// Keeps the targets whose numbers must not be edited because of other uses.
     fn hold_what_others_use(&mut self, outcome: &Outcome) {
         let built = &mut self.built;
+        let is_copied = |site: u32| {
+            let own = tp::Whole::Taught(self.positions[site as usize].number);
+            self.code.kinds.iter().any(|kind| matches!(kind, StatementKind::PositionRegister(_, of) if *of == own))
+        };
         for (target, site) in built.targets.iter_mut().zip(&built.sites) {
             let Some(site) = site else { continue };
             if outcome.used.contains_key(&ir::TokenId(*site)) {
-                refuse(target, Reason::CountedFrom);
+                refuse(target, if is_copied(*site) { Reason::PositionNamed } else { Reason::CountedFrom });
             }
             if let Some(why) = self.frozen.get(&(*site as usize)).copied().or(self.all_frozen) {
                 refuse(target, why);
