@@ -199,3 +199,48 @@ fn other_programs_that_are_given_may_use_the_register() {
     assert_eq!(after("CALL MAIN\nL PR[1] 30mm/sec FINE"), [3]);
     assert_eq!(after("L PR[1] 30mm/sec FINE"), [3]);
 }
+
+/// Statements that set the six elements of a register.
+fn sets(register: u32) -> String {
+    (1..=6).map(|element| format!("PR[{register},{element}]={element}\n")).collect()
+}
+
+#[test]
+fn a_called_program_that_sets_a_frame_is_followed() {
+    let frame = |main: &str, setuf: &str| {
+        let program = program_of(main, &[("SETUF", setuf)]);
+        let known = edited(&program);
+        let frames = program.targets.iter().map(|target| program.wobjs[usize::from(target.wobj)].data);
+        (known, frames.map(|data| data.map(|data| data.uframe_mm)).collect::<Vec<_>>())
+    };
+    let set = Some([1.0, 2.0, 3.0]);
+    let main = format!("CALL SETUF\n{CUT}");
+    for setuf in [
+        format!("{}UFRAME[1]=PR[9]", sets(9)),
+        format!("! sets the frame\n! deflex air\n{}MESSAGE[SET]\nUFRAME[1]=PR[9]\nUFRAME_NUM=1\nEND", sets(9)),
+        format!("R[1]=9\n{}UFRAME[1]=PR[R[1]]", sets(9)),
+    ] {
+        assert_eq!(frame(&main, &setuf), (vec![2, 3], vec![set, set]), "{setuf}");
+    }
+    // The register comes from the program that calls.
+    let by_main = format!("{}CALL SETUF\n{CUT}", sets(9));
+    assert_eq!(frame(&by_main, "UFRAME[1]=PR[9]"), (vec![2, 3], vec![set, set]));
+    for other in [
+        "UFRAME[1]=PR[9]",
+        &format!("{}PR[9,1]=R[5]\nUFRAME[1]=PR[9]", sets(9)),
+        &format!("{}IF DI[1]=ON,PR[9,1]=7\nUFRAME[1]=PR[9]", sets(9)),
+        &format!("{}CALL OTHER\nUFRAME[1]=PR[9]", sets(9)),
+        &format!("{}JMP LBL[1]\nUFRAME[1]=PR[9]\nLBL[1]", sets(9)),
+        &format!("{}UFRAME[1]=PR[9]\nPR[9]=P[1]", sets(9)),
+        &format!("{}L P[1] 400mm/sec FINE\nUFRAME[1]=PR[9]", sets(9)),
+        &format!("{}UFRAME_NUM=2\nUFRAME[1]=PR[9]", sets(9)),
+    ] {
+        assert_eq!(frame(&main, other).0, [], "{other}");
+    }
+    let setuf = format!("{}UFRAME[1]=PR[9]", sets(9));
+    // The first cycle begins with another frame than the next one.
+    assert_eq!(frame(&format!("L P[4] 30mm/sec FINE\n{main}"), &setuf).0, [2, 3]);
+    assert_eq!(frame(&format!("IF DI[1]=ON,CALL SETUF\n{CUT}"), &setuf).0, []);
+    // The positions of the called program are others than those of this one.
+    assert_eq!(frame(&format!("CALL SETUF\nL PR[1] 400mm/sec FINE\n{CUT}"), "PR[1]=P[2]").0, [2, 3]);
+}

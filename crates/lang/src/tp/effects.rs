@@ -1,6 +1,7 @@
 //! The possible effects of statements, and of the programs that they call, in any order.
 
 use super::expression;
+use super::lines::Line;
 use super::statement::{self, Frame, StatementKind, Whole};
 use crate::reason::Reason;
 use std::collections::{BTreeMap, BTreeSet};
@@ -57,6 +58,8 @@ pub(super) const NOT_GIVEN: [Effect; 6] = [
 #[derive(Clone, Debug, Default)]
 pub struct Calls {
     pub(super) given: BTreeMap<String, Effects>,
+    /// The statements of programs that only set registers, frames and tools, one after the other.
+    pub(super) straight: BTreeMap<String, Vec<Line<'static>>>,
     /// Position registers on which other programs depend that are given.
     pub(super) used_elsewhere: BTreeSet<Option<u32>>,
     /// Whether another program may call the first one.
@@ -75,6 +78,11 @@ impl Calls {
     /// Whether any program moves relative to where the arm stands when it begins.
     pub(super) fn may_count(&self) -> bool {
         self.given.values().any(|effects| effects.contains(&Effect::Counts))
+    }
+
+    /// The statements of a program that only sets registers, frames and tools, one after the other; `None` for other programs.
+    pub(super) fn straight(&self, name: &[u8]) -> Option<&[Line<'static>]> {
+        self.straight.get(&upper(name)).map(Vec::as_slice)
     }
 
     /// The effects of a call of a program; with an empty name, those of any program.

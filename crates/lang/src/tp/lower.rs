@@ -413,6 +413,7 @@ impl<'a> Lowering<'a> {
             }
             Written::Jump(label) => self.jump(label, None),
             Written::Wait(condition, label) => self.wait(condition, *label),
+            Written::Call(name) if self.calls.straight(name).is_some() => self.straight(at, name),
             Written::Call(_) | Written::Macro | Written::Displace(_) | Written::RedefineAny => {
                 self.effects(self.calls.of_statement(kind))
             }
@@ -433,6 +434,17 @@ impl<'a> Lowering<'a> {
             | Written::ElseCase(_) => Vec::new(),
             Written::For(..) | Written::EndFor | Written::EndIf | Written::Label(_) | Written::Plain => Vec::new(),
         }
+    }
+
+    /// The statements of a called program.
+    fn straight(&mut self, at: usize, name: &[u8]) -> Vec<StatementKind> {
+        let mut effects = self.calls.of(name);
+        effects.retain(|effect| matches!(effect, Effect::Uses(_)));
+        let mut kinds = self.effects(effects);
+        for line in self.calls.straight(name).unwrap_or_default() {
+            kinds.extend(self.plain(at, &statement::kind(line)));
+        }
+        kinds
     }
 
     /// Records from which positions a position register comes after it was set as a whole.
