@@ -200,6 +200,14 @@ fn other_programs_that_are_given_may_use_the_register() {
     assert_eq!(after("L PR[1] 30mm/sec FINE"), [3]);
 }
 
+#[test]
+fn a_motion_that_may_go_anywhere_is_named() {
+    let program = program_of("L P[1] 30mm/sec FINE\nL P[R[3]] 400mm/sec FINE\nL P[R[4]] 400mm/sec FINE", &[]);
+    let notes: Vec<_> = program.diagnostics.iter().map(|note| (note.code, note.line)).collect();
+    assert_eq!((notes, edited(&program)), (vec![("ls.any-position", 8)], vec![]));
+    assert!(program_of("R[3]=1\nL P[R[3]] 400mm/sec FINE", &[]).diagnostics.is_empty());
+}
+
 /// Statements that set the six elements of a register.
 fn sets(register: u32) -> String {
     (1..=6).map(|element| format!("PR[{register},{element}]={element}\n")).collect()

@@ -145,7 +145,10 @@ impl<'a> Builder<'a> {
         for number in visit.roles().iter().filter_map(|role| visit.number(*role).ok()) {
             match number {
                 Some(_) => self.freeze(number, Reason::MovedToo),
-                None => self.freeze_where_it_may_go(visit.held),
+                None => {
+                    self.built.anywhere.get_or_insert(visit.at);
+                    self.freeze_where_it_may_go(visit.held);
+                }
             }
         }
         for origin in visit.held.origins() {
