@@ -252,3 +252,73 @@ fn a_called_program_that_sets_a_frame_is_followed() {
     // The positions of the called program are others than those of this one.
     assert_eq!(frame(&format!("CALL SETUF\nL PR[1] 400mm/sec FINE\n{CUT}"), "PR[1]=P[2]").0, [2, 3]);
 }
+
+/// A register with these distances, and no turn.
+fn offset_by(z: &str) -> String {
+    let mut text: String = (1..=6).map(|element| format!("PR[9,{element}]=0\n")).collect();
+    text += &format!("PR[9,3]={z}\n");
+    text
+}
+
+#[test]
+fn a_cut_at_a_known_offset_is_edited() {
+    let at = offset_by("(-2)");
+    for (body, zs) in [
+        (format!("{at}L P[2] 30mm/sec FINE Offset,PR[9]\nL P[3] 30mm/sec FINE Offset,PR[9]"), &[-2.0, -2.0][..]),
+        (
+            format!("{at}L P[2] 30mm/sec FINE\nL P[2] 30mm/sec FINE Offset,PR[9:depth]\nL P[3] 30mm/sec FINE"),
+            &[0.0, -2.0, 0.0],
+        ),
+        (
+            format!(
+                "{}FOR R[1]=1 TO 3\nPR[9,3]=PR[9,3]-2\nL P[2] 30mm/sec FINE Offset,PR[9]\nL P[3] 30mm/sec FINE Offset,PR[GP1:9]\nENDFOR",
+                offset_by("0")
+            ),
+            &[-2.0, -2.0, -4.0, -4.0, -6.0, -6.0],
+        ),
+        (format!("{at}L P[2] 400mm/sec FINE Offset,PR[9]\n{CUT}"), &[-2.0, 0.0, 0.0]),
+    ] {
+        let program = program_of(&body, &[]);
+        let z = |target: &deflex_program::Target| match target.goal {
+            Goal::Pose { position_mm, .. } => position_mm[2],
+            _ => f64::NAN,
+        };
+        assert_eq!(program.targets.iter().map(z).collect::<Vec<_>>(), zs, "{body}");
+        assert!(program.kept.is_empty() && program.targets.iter().all(|target| target.located), "{body}");
+        assert_eq!(edited(&program), [2, 3], "{body}");
+    }
+}
+
+#[test]
+fn passes_whose_corrections_differ_keep_their_position() {
+    let body = format!("{}L P[2] 30mm/sec FINE\nL P[2] 30mm/sec FINE Offset,PR[9]", offset_by("(-2)"));
+    let program = program_of(&body, &[]);
+    let to = |z: f64| Some(Change { position_mm: [200.0, 20.0, z], quat: None, conf: None, external: None });
+    let kept = |below: f64| program.rewrite(&[to(0.5), to(below)], &[], &RewriteOptions::default());
+    // Less than a micrometre is no difference, also where the third decimal would be another one.
+    let (same, other) = (kept(-1.500_4 - 0.000_3), kept(-1.49));
+    assert!(same.kept.is_empty() && same.edits[0].len() == 1);
+    assert!((same.written[0].0[2] - 0.5).abs() < 1e-6 && (same.written[1].0[2] + 1.5).abs() < 1e-6);
+    assert!(other.edits[0].is_empty());
+    assert_eq!(other.kept, [(0, Reason::SharedNumbers), (1, Reason::SharedNumbers)]);
+}
+
+#[test]
+fn an_offset_that_is_not_known_keeps_the_cut() {
+    let at = offset_by("(-2)");
+    for other in [
+        "PR[9,3]=R[5]", "IF DI[1]=ON,PR[9,3]=7", "PR[9,6]=90", "PR[9]=LPOS", "PR[9]=P[4]", "CALL OTHER", "RUN OTHER",
+        "R[5]=1\nPR[R[6],3]=1",
+    ] {
+        let body = format!("{at}{other}\nL P[2] 30mm/sec FINE Offset,PR[9]\nL P[3] 30mm/sec FINE");
+        assert!(!edits(&body).contains(&2), "{other}");
+    }
+    for motion in
+        ["Offset", "Offset,PR[GP2:9]", "Tool_Offset,PR[9]", "Offset,PR[9] Tool_Offset,PR[9]", "Offset,PR[9] INC"]
+    {
+        let body = format!("{at}L P[2] 30mm/sec FINE {motion}\nL P[3] 30mm/sec FINE");
+        assert!(!edits(&body).contains(&2), "{motion}");
+    }
+    // The next cycle begins with the register that this one leaves.
+    assert!(!edits(&format!("L P[2] 30mm/sec FINE Offset,PR[9]\n{at}")).contains(&2));
+}

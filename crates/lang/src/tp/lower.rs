@@ -118,6 +118,13 @@ impl Held<'_> {
         item(&self.0.to, 3).map_or_else(Vec::new, |origin| origin.all_reads().tokens().to_vec())
     }
 
+    /// The distance by which `Offset` moves the end, mm, in the user frame; `None` if it is not known, or if the end is also turned.
+    #[must_use]
+    pub fn offset_mm(self) -> Option<[f64; 3]> {
+        let offset = item(&self.0.to, 4)?.pose()?.pose();
+        (offset.rotation == nalgebra::UnitQuaternion::identity()).then(|| offset.translation.vector.into())
+    }
+
     /// The selected user frame or tool, if it is known.
     #[must_use]
     pub fn selected(self, frame: Frame) -> Option<u32> {
@@ -502,7 +509,9 @@ impl<'a> Lowering<'a> {
         let position = |point| Expression::builtin(builtin::POSITION, vec![index(point)], self.place);
         let origins = motion.moves_to_register().map(|index| self.origins(expression::count(index)));
         let origins = Expression { kind: Is::List(origins.unwrap_or_default()), place: self.place };
-        let end = Expression::builtin(builtin::POSITION, vec![index(motion.end), origins], self.place);
+        let mut of_end = vec![index(motion.end), origins];
+        of_end.extend(motion.offset.map(|register| expression(register, self.place)));
+        let end = Expression::builtin(builtin::POSITION, of_end, self.place);
         let counts = motion.counts_on().then(|| self.read(STANDS));
         let moves = ir::Motion {
             path: motion.path,
@@ -548,7 +557,13 @@ impl<'a> Lowering<'a> {
             }
         });
         let lost = registers.into_iter().map(|number| self.does(builtin::SET, vec![number, self.waited_for()]));
-        let lost: Vec<StatementKind> = lost.collect();
+        let mut lost: Vec<StatementKind> = lost.collect();
+        holds.each(&mut |part| {
+            if let Is::Call(Callee::Builtin(builtin::VALUE), of) = &part.kind {
+                let of = of.iter().map(|part| part.value.clone()).chain([self.waited_for()]).collect();
+                lost.push(self.does(builtin::ELEMENT, of));
+            }
+        });
         let mut kinds = Vec::new();
         if !lost.is_empty() {
             kinds.push(guard(self.not(holds), lost, self.place));
@@ -595,6 +610,9 @@ impl<'a> Lowering<'a> {
     fn is_fixed(&self, bound: &Expression, counter: &[u8], body: Range<usize>) -> bool {
         let mut registers = Vec::new();
         bound.each(&mut |part| {
+            if let Is::Call(Callee::Builtin(builtin::VALUE), _) = &part.kind {
+                registers.push(None);
+            }
             if let Is::Call(Callee::Builtin(builtin::REGISTER), of) = &part.kind {
                 registers.push(match of[..] {
                     [Argument { value: Expression { kind: Is::Constant(number), .. }, .. }] => {

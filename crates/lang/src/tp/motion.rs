@@ -1,6 +1,7 @@
 //! Motion instructions: `L P[3:corner] 500mm/sec CNT50 ACC80 Offset,PR[1]`.
 
 use super::lex::{Parsed, blanks, brackets, index, number_token, spaced, value_of, word};
+use super::statement::of_first_group;
 use crate::ir::Path;
 use crate::reason::Reason;
 use nom::Parser;
@@ -33,6 +34,8 @@ pub struct Motion<'a> {
     pub speed: Option<Speed<'a>>,
     /// Why the motion does not end at its point, or not with this robot alone.
     pub moved: Option<Reason>,
+    /// The index of the position register by which the point is moved in its user frame, if nothing else moves it (`Offset,PR[1]`).
+    pub(super) offset: Option<&'a [u8]>,
     /// Whether its path is a line or an arc in the frame that another motion group carries (`COORD`).
     pub coordinated: bool,
     /// Whether other statements run in parallel with it.
@@ -51,6 +54,7 @@ impl Motion<'_> {
     /// Records that the motion does not end at its point. Of several reasons, a position register that shifts the point is the last one, because such a
     /// motion still moves with its point.
     fn moves(&mut self, why: Reason) {
+        self.offset = None;
         if self.moved.is_none_or(|known| is_shift(known) && !is_shift(why)) {
             self.moved = Some(why);
         }
@@ -155,6 +159,7 @@ pub(super) fn motion(text: &[u8]) -> Option<Motion<'_>> {
         end,
         speed,
         moved,
+        offset: None,
         coordinated: false,
         runs_others: false,
         calls: Vec::new(),
@@ -306,7 +311,11 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
             match WORDS.iter().find(|(known, _)| *known == upper).map(|(_, meaning)| meaning) {
                 Some(Meaning::Plain) => {}
                 Some(Meaning::Moved(why)) => {
+                    let is_first = motion.moved.is_none();
                     motion.moves(*why);
+                    let register = (spaced(tag(",")), tag_no_case("PR"), brackets).parse(after) as Parsed<'_, _>;
+                    let register = register.ok().and_then(|(_, (_, _, within))| of_first_group(within)).map(index);
+                    motion.offset = register.filter(|_| is_first && *why == Reason::MovedByRegister);
                 }
                 Some(Meaning::Skip) => {
                     motion.moves(Reason::Skip);
@@ -323,9 +332,7 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
                 // A register counts for the word before it: `CNT R[3]`, `Offset,PR[1]`.
                 None if within.is_some() && matches!(&upper[..], b"R" | b"AR" | b"PR") => {}
                 None if is_timed => {}
-                None => {
-                    motion.moves(Reason::MotionOption);
-                }
+                None => motion.moves(Reason::MotionOption),
             }
             rest = after;
             continue;

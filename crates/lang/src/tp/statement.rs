@@ -292,7 +292,7 @@ fn redefined(frame: Frame, rest: &[u8]) -> StatementKind<'_> {
 }
 
 /// `GP1:3`, `3`: the text after the motion group; `None` for another group.
-fn of_first_group(within: &[u8]) -> Option<&[u8]> {
+pub(super) fn of_first_group(within: &[u8]) -> Option<&[u8]> {
     let grouped = within.len() > 2 && within[..2].eq_ignore_ascii_case(b"GP");
     match within.iter().position(|b| *b == b':').filter(|_| grouped) {
         Some(at) => within[..at].trim_ascii().eq_ignore_ascii_case(b"GP1").then(|| &within[at + 1..]),
@@ -334,7 +334,7 @@ fn position_register(rest: &[u8]) -> StatementKind<'_> {
 }
 
 /// `9,1:x`, `9:home`: the index of a position register, and that of an element.
-fn register_and_element(within: &[u8]) -> (&[u8], Option<&[u8]>) {
+pub(super) fn register_and_element(within: &[u8]) -> (&[u8], Option<&[u8]>) {
     // A comment ends the indices, and may have commas.
     let indices = index(within);
     let mut depth = 0_i32;

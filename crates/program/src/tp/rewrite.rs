@@ -35,6 +35,13 @@ impl Print {
 
 pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) -> Rewritten {
     let Wanted { inserts, options, .. } = wanted;
+    // The changes of positions: motions to one position may end at different distances from it.
+    let own = |(i, change): (usize, &Option<Change>)| {
+        let offset = layout.offset(program, i);
+        change.clone().map(|change| Change { position_mm: minus(change.position_mm, offset), ..change })
+    };
+    let changes: Vec<Option<Change>> = wanted.changes.iter().enumerate().map(own).collect();
+    let wanted = Wanted { changes: &changes, ..wanted };
     let Agreed { changes, along, .. } = agreed(program, &wanted, |i| layout.sites[i].into_iter().collect());
     // A motion that a register moves with its position holds the position if it cuts, and otherwise its turn numbers: where the motion ends, they
     // may be others.
@@ -79,6 +86,29 @@ pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) ->
     out
 }
 
+fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|at| a[at] - b[at])
+}
+
+impl Layout {
+    /// The distance from its position at which a motion ends, mm (`Offset,PR[1]`).
+    fn offset(&self, program: &Program, i: usize) -> [f64; 3] {
+        match (program.targets[i].goal, self.sites[i].and_then(|site| self.pose(site))) {
+            (Goal::Pose { position_mm, .. }, Some(Pose { values: [x, y, z, ..], .. })) => {
+                minus(position_mm, [*x, *y, *z])
+            }
+            _ => [0.0; 3],
+        }
+    }
+
+    fn pose(&self, site: u32) -> Option<&Pose> {
+        match &self.positions.get(site as usize)?.body {
+            Body::Pose(pose) => Some(pose),
+            _ => None,
+        }
+    }
+}
+
 struct Writer<'a> {
     program: &'a Program,
     layout: &'a Layout,
@@ -99,7 +129,7 @@ impl Writer<'_> {
         let mut wishes: Vec<(usize, u32, Result<Print, Reason>)> = Vec::new();
         for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate().filter(|(i, _)| !self.along[*i]) {
             let target = &self.program.targets[i];
-            let pose = site.and_then(|site| Some((site, self.pose(site)?)));
+            let pose = site.and_then(|site| Some((site, self.layout.pose(site)?)));
             let wish = match (target.editable, pose, change) {
                 (Editable::Pose, Some((site, pose)), change) => {
                     let print =
@@ -151,18 +181,12 @@ impl Writer<'_> {
         self.frozen.len() > count
     }
 
-    fn pose(&self, site: u32) -> Option<&Pose> {
-        match &self.layout.positions.get(site as usize)?.body {
-            Body::Pose(pose) => Some(pose),
-            _ => None,
-        }
-    }
-
     /// Whether a change differs from the present numbers.
     fn differs(&self, i: usize, change: &Change) -> bool {
-        let goal = &self.program.targets[i].goal;
-        let conf = if let Goal::Pose { conf, .. } = goal { *conf } else { None };
-        change.differs(goal) || change.conf.is_some() && change.conf != conf
+        let Goal::Pose { position_mm, quat, conf } = self.program.targets[i].goal else { return true };
+        let own = minus(position_mm, self.layout.offset(self.program, i));
+        let is_other = change.differs(&Goal::Pose { position_mm: own, quat, conf });
+        is_other || change.conf.is_some() && change.conf != conf
     }
 
     /// New tokens of a position for the change of one motion.
@@ -213,11 +237,12 @@ impl Writer<'_> {
         };
         let Some(site) = self.layout.sites[i] else { return (position_mm, quat) };
         let print = prints[site as usize].as_ref();
-        let Some(values) = print.map(|print| print.values).or_else(|| Some(self.pose(site)?.values)) else {
+        let Some(values) = print.map(|print| print.values).or_else(|| Some(self.layout.pose(site)?.values)) else {
             return (position_mm, quat);
         };
         let [x, y, z, w, p, r] = values.map(single);
+        let [dx, dy, dz] = self.layout.offset(self.program, i);
         let turned = print.is_some_and(|print| print.turned);
-        ([x, y, z], if turned { quaternion(&from_zyx_deg([r, p, w])) } else { quat })
+        ([x + dx, y + dy, z + dz], if turned { quaternion(&from_zyx_deg([r, p, w])) } else { quat })
     }
 }

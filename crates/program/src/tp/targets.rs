@@ -167,9 +167,13 @@ impl<'a> Builder<'a> {
             return Err(Reason::PositionNamed);
         }
         let spline = motion.moved.filter(|_| stays_at_its_point(motion));
-        let shifted = motion.shifted();
+        // The register may also move external axes.
+        let is_alone = position.external == [None; EXTERNAL_AXES] && position.groups.is_empty();
+        let offset = visit.held.offset_mm().filter(|_| is_alone && motion.shifted().is_some());
+        let shifted = motion.shifted().filter(|_| offset.is_none());
         let follows = matches!(position.body, Body::Pose(_));
-        if let Some(why) = motion.moved.or(shifted).filter(|_| spline.is_none() && (shifted.is_none() || !follows)) {
+        let is_known = spline.is_some() || (offset.is_some() || shifted.is_some()) && follows;
+        if let Some(why) = motion.moved.or(shifted).filter(|_| !is_known) {
             return Err(why);
         }
         if let Some(why) = visit.held.displaced() {
@@ -180,7 +184,7 @@ impl<'a> Builder<'a> {
         }
         let (goal, frames, site, why) = match &position.body {
             Body::None(why) => return Err(*why),
-            Body::Pose(pose) => (goal(pose), pose.frames, Some(known as u32), spline),
+            Body::Pose(pose) => (goal(pose, offset.unwrap_or_default()), pose.frames, Some(known as u32), spline),
             Body::Joints { deg, frames } => (Goal::Joints { deg: *deg }, *frames, None, Some(Reason::Joints)),
         };
         let mark = visit.held.mark();
@@ -333,10 +337,10 @@ fn stays_at_its_point(motion: &Motion<'_>) -> bool {
 }
 
 /// A pose from X, Y, Z and W, P, R, which are turns about the fixed axes x, y, z.
-fn goal(pose: &Pose) -> Goal {
+fn goal(pose: &Pose, [dx, dy, dz]: [f64; 3]) -> Goal {
     let [x, y, z, w, p, r] = pose.values;
     Goal::Pose {
-        position_mm: [x, y, z],
+        position_mm: [x + dx, y + dy, z + dz],
         quat: quaternion(&from_zyx_deg([r, p, w])),
         conf: pose.config.map(|config| Conf::Turns(config.config)),
     }
