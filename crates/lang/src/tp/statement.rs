@@ -647,7 +647,7 @@ mod tests {
     fn position_registers_on_which_something_depends_are_found() {
         for (text, used) in [
             ("PR[1]=P[2]", &[][..]),
-            ("PR[1,3]=PR[1:a,3]+50", &[]),
+            ("PR[1,3]=PR[1,3]+50", &[]),
             ("PR[1,3]=PR[1,3:z]-R[5]*2", &[]),
             ("PR[1,3]=50", &[]),
             ("L PR[1] 5mm/sec FINE", &[]),
