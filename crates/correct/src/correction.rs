@@ -106,7 +106,10 @@ pub(super) fn solve(
     // Which targets may go along with the numbers of others.
     let is_air = |(target, point): (&Target, &Point)| {
         let touches = point.milled.as_ref().is_some_and(|milled| milled.removed > 0.0);
-        !Laws::cuts(cell, target) && point.unsolved.is_none() && !touches && !prepared.turns_are_chosen
+        // A motion to an unknown end may meet the stock.
+        let stays_out = !target.located && cell.stock.is_none() && !Laws::lacks_speed(cell, target);
+        let is_known = point.unsolved.is_none() || stays_out;
+        !Laws::cuts(cell, target) && is_known && !touches && !prepared.turns_are_chosen
     };
     let mut air: Vec<bool> = match is_edited {
         true => program.targets.iter().zip(&prepared.points).map(is_air).collect(),
@@ -121,7 +124,10 @@ pub(super) fn solve(
         let changes: Vec<Option<Change>> = solved.iter().enumerate().map(changed).collect();
         let rewritten = is_edited.then(|| {
             let rewrite = RewriteOptions { allow_clones: options.allow_clones, air: &air, ..RewriteOptions::default() };
-            program.rewrite(&changes, &inserts, &rewrite)
+            let mut rewritten = program.rewrite(&changes, &inserts, &rewrite);
+            // The rows of motions to unknown ends have no numbers.
+            rewritten.along.retain(|i| program.targets[*i].located);
+            rewritten
         });
         if let Some(Rewritten { along, written, .. }) = &rewritten {
             let strays: Vec<usize> =

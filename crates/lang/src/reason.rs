@@ -249,6 +249,7 @@ reasons! {
     MovesKept = "would move a target that cannot be edited",
     StatusChanges = "joint motion whose status or turn (S, T) would be another, or is not that of the arm",
     ConfigChanges = "the correction would change the letters of CONFIG",
+    TurnsChange = "the correction would change the turn numbers of a motion that is moved at run time",
     PositionOnly = "the numbers of the orientation cannot be edited",
     // Points that cannot be inserted.
     OnlyLines = "only lines can be subdivided in this language",

@@ -22,7 +22,7 @@ fn ends(statements: &str) -> Vec<Option<u32>> {
 
 #[test]
 fn whole_numbers_are_known_and_nothing_else() {
-    let known = |index: &str| ends(&format!("R[1]=3\nR[2:x]=10\nL P[{index}] 5mm/sec FINE"))[0];
+    let known = |index: &str| ends(&format!("R[1]=3\nR[2:x]=10\nPR[5,3]=R[1]+4\nL P[{index}] 5mm/sec FINE"))[0];
     for (index, number) in [
         ("R[1:row]*4+R[2]-(-1)", 23),
         ("R[R[1]-2]", 3),
@@ -30,13 +30,16 @@ fn whole_numbers_are_known_and_nothing_else() {
         ("-(R[1]-R[2])", 7),
         ("R[2]/5", 2),
         ("3+(R[1]-9) DIV 3", 1),
+        ("PR[5,3:z]", 7),
+        ("PR[R[1]+2,R[1]]+1", 8),
     ] {
         assert_eq!(known(index), Some(number), "{index}");
     }
     // Halves may be rounded; what is not set, or set by others, may be anything.
-    for unknown in
-        ["R[2]/4", "R[3]", "2.5", "2.5*2", "R[1]/0", "R[1] DIV 0", "R[1]+DI[1]", "AR[1]", "R[1] R[2]", "", "((("]
-    {
+    for unknown in [
+        "PR[5,2]", "PR[5]", "PR[5,4]", "PR[6,3]", "PR[5,9]", "PR[GP2:5,3]", "PR[5,R[3]]", "R[2]/4", "R[3]", "2.5",
+        "2.5*2", "R[1]/0", "R[1] DIV 0", "R[1]+DI[1]", "AR[1]", "R[1] R[2]", "", "(((",
+    ] {
         assert_eq!(known(unknown), None, "{unknown}");
     }
     // FANUC's manuals do not say which way the quotient of a negative number is rounded.
@@ -90,6 +93,11 @@ fn loops_and_jumps_that_are_known_are_followed() {
     assert_eq!(numbers(select), [2]);
     // A label that is not there stops the controller.
     assert_eq!(numbers("L P[1] 5mm/sec FINE\nJMP LBL[7]\nL P[2] 5mm/sec FINE"), [1]);
+    // Something else changes the element; the bound of a loop may be read again.
+    assert_eq!(ends("PR[1,1]=1\nWAIT (PR[1,1]=2)\nL P[PR[1,1]] 5mm/sec FINE"), [None]);
+    assert_eq!(numbers("PR[1,1]=1\nWAIT (PR[1,1]=1)\nL P[PR[1,1]] 5mm/sec FINE"), [1]);
+    let changed = "PR[1,1]=3\nFOR R[1]=1 TO PR[1,1]\nPR[1,1]=2\nL P[R[1]] 5mm/sec FINE\nENDFOR";
+    assert_eq!(ends(changed), [None]);
     // After the loop its counter is the controller's affair.
     assert_eq!(ends("FOR R[1]=1 TO 2\nENDFOR\nL P[R[1]] 5mm/sec FINE"), [None]);
 }

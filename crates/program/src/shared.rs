@@ -51,12 +51,24 @@ pub(crate) fn goes_along<K: Eq + Hash>(program: &Program, i: usize, numbers: &Nu
     matches!(program.targets[i].editable, Editable::No(_)) || numbers.iter().any(|number| owned.contains(number))
 }
 
-/// Whether a motion may go where its numbers lead it after the changes of others: it cuts nothing, and its pose is known on every path. A
-/// point of an arc may not, because the arc would change by more than the point.
+/// Whether a motion has no numbers of its own to edit, and moves with those of others all the same.
+pub(crate) fn follows(editable: Editable) -> bool {
+    matches!(
+        editable,
+        Editable::No(
+            Reason::OffsetWithExpression
+                | Reason::MovedByRegister
+                | Reason::ToolMovedByRegister
+                | Reason::PositionRegister
+        )
+    )
+}
+
+/// Whether a motion may go where its numbers lead it after the changes of others: it cuts nothing, and how its pose follows from these numbers
+/// is the same on every path. A point of an arc may not, because the arc would change by more than the point.
 pub(crate) fn is_free(program: &Program, options: &RewriteOptions<'_>, i: usize) -> bool {
     let target = &program.targets[i];
-    let is_known =
-        matches!(target.editable, Editable::Pose | Editable::Position | Editable::No(Reason::OffsetWithExpression));
+    let is_known = matches!(target.editable, Editable::Pose | Editable::Position) || follows(target.editable);
     options.air.get(i) == Some(&true) && is_known && target.motion != Motion::Circular
 }
 

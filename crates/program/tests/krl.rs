@@ -215,7 +215,96 @@ fn routines_take_copies_and_give_back() {
 fn frames_chain_where_they_are_known() {
     let p = program("LIN {X 100.0,Y 0.0,Z 0.0,A 90.0,B 0.0,C 0.0}:{X 10.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}");
     assert!((positions(&p)[0][1] - 10.0).abs() < 1e-9 && (positions(&p)[0][0] - 100.0).abs() < 1e-9);
-    assert!(matches!(p.targets[0].editable, Editable::No(_)));
+    // The second frame and the turn of the first one stay.
+    assert_eq!(p.targets[0].editable, Editable::Position);
+    assert!(
+        moved(&p, 0.5)[0].contains("LIN {X 100.500,Y 0.500,Z 0.500,A 90.0,B 0.0,C 0.0}:{X 10.0,"),
+        "{:?}",
+        moved(&p, 0.5)
+    );
+}
+
+const POINTS: &str = "DEFDAT a\nDECL E6POS XP2={X 90.0,Y 30.0,Z 5.0,A 90.0,B 0.0,C 180.0,S 2,T 10,E1 0.0}\nDECL E6POS XP3={X 150.0,Y 130.0,Z 5.0,A 0.0,B 0.0,C 180.0,S 2,T 10,E1 0.0}\nDECL E6POS XP4={X 44.0,Y 4.0,Z 4.0,A 0.0,B 0.0,C 180.0,S 2,T 10,E1 0.0}\nENDDAT\n";
+
+fn with_points(body: &str) -> Program {
+    program_of(&[("a.src", &format!("DEF a()\n{body}\nEND\n")), ("a.dat", POINTS)], &[])
+}
+
+/// The data list if the motions that cut are to be 0.5 mm farther along each axis, and the distance by which each motion moves.
+fn with_air(program: &Program) -> (String, Vec<f64>) {
+    let air: Vec<bool> = program.targets.iter().map(|target| target.mark == Some(Mark::Air)).collect();
+    let change = |(target, air): (&deflex_program::Target, &bool)| match target.goal {
+        Goal::Pose { position_mm, .. } if !air => {
+            Some(Change { position_mm: position_mm.map(|v| v + 0.5), quat: None, conf: None, external: None })
+        }
+        _ => None,
+    };
+    let changes: Vec<_> = program.targets.iter().zip(&air).map(change).collect();
+    let rewritten = program.rewrite(&changes, &[], &RewriteOptions { air: &air, ..RewriteOptions::default() });
+    let far = positions(program).into_iter().zip(&rewritten.written).map(|(was, (is, _))| {
+        let square = was.iter().zip(is).map(|(was, is)| (is - was).powi(2)).sum::<f64>();
+        (square.sqrt() * 1e3).round() / 1e3
+    });
+    let text = applied(&program.sources[1].bytes, &rewritten.edits[1]);
+    (String::from_utf8(text).unwrap(), far.collect())
+}
+
+const FRAME: &str = "{X 0,Y 0,Z -50,A 0,B 0,C 0}";
+
+#[test]
+fn an_approach_by_a_frame_goes_along() {
+    for approach in [
+        &format!("LIN XP2:{FRAME}")[..],
+        "LIN XP2:{X 5,Y 3,Z -50,A 10,B 20,C 30}",
+        &format!("LIN XP2:{FRAME}:{FRAME}"),
+        "DECL E6POS X\nX=XP2\nX.Z=X.Z+50\nLIN X",
+        &format!("DECL FRAME F\nF=XP2:{FRAME}\nF.Z=F.Z+5\nLIN F"),
+    ] {
+        let p = with_points(&format!("; deflex air\n{approach}\n; deflex cut\nLIN XP2\nLIN XP3"));
+        let (text, far) = with_air(&p);
+        assert!(text.contains("XP2={X 90.500,Y 30.500,Z 5.500,A 90.0"), "{approach}: {text}");
+        assert_eq!(far, [0.866; 3], "{approach}");
+    }
+    // One that cuts needs the same numbers, and has the angles of the text.
+    let p = with_points(&format!("LIN XP2:{FRAME}\nLIN XP2"));
+    assert_eq!(p.targets.iter().map(|target| target.editable).collect::<Vec<_>>(), [Editable::Position; 2]);
+    assert!((positions(&p)[0][2] - 55.0).abs() < 1e-9, "{:?}", positions(&p));
+}
+
+#[test]
+fn numbers_in_a_frame_that_something_else_needs_stay() {
+    for (what, body) in [
+        ("an unknown frame", "; deflex air\nLIN XP2:XP9\n; deflex cut\nLIN XP2"),
+        ("an incomplete frame", "; deflex air\nLIN XP2:{Z -50}\n; deflex cut\nLIN XP2"),
+        ("a base", &*format!("LIN XP2\n$BASE=XP2:{FRAME}\nLIN XP3")),
+        ("a condition", &*format!("DECL FRAME F\nF=XP2:{FRAME}\nIF F.Z>0 THEN\nHALT\nENDIF\nLIN XP2")),
+        ("a product", &*format!("DECL FRAME F\nDECL REAL R\nF=XP2:{FRAME}\nR=F.Z*2\nLIN XP2")),
+        ("a routine that is not given", &*format!("DECL FRAME F\nF=XP2:{FRAME}\nFOO(F)\nLIN XP2")),
+        ("the second frame", "LIN {X 1.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}:XP2\nLIN XP2"),
+        ("a relative motion", &*format!("LIN XP2\nLIN_REL XP2:{FRAME}")),
+    ] {
+        assert!(with_air(&with_points(body)).0.contains("XP2={X 90.0,Y 30.0,Z 5.0,"), "{what}");
+    }
+    // A number that is a length and an angle.
+    let p = program(&format!("DECL REAL R\nR=7.5\nLIN {{X R,Y 1.0,Z 5.0,A R,B 0.0,C 0.0}}:{FRAME}"));
+    assert_eq!(moved(&p, 0.5)[0].as_bytes(), &*p.sources[0].bytes);
+    // The angles of the first frame, although the motion cuts nothing.
+    let p = with_points(&format!("; deflex air\nLIN XP2:{FRAME}\n; deflex cut\nLIN XP2"));
+    assert_eq!(p.targets[1].editable, Editable::Position);
+}
+
+/// A component that is unknown and not missing is not that of the motion before.
+#[test]
+fn a_motion_before_one_to_a_changed_position_is_edited() {
+    for change in ["XP4.Z=XP4.Z+1", "XP4.X=$POS_ACT.X", "IF $IN[1] THEN\nXP4.Z=7.0\nENDIF"] {
+        let p = with_points(&format!("LIN XP2\n{change}\nLIN XP4\nLIN XP3"));
+        assert_eq!(p.targets[0].editable, Editable::Pose, "{change}");
+        assert!(!with_air(&p).0.contains("XP4={X 44.500"), "{change}");
+    }
+    for change in ["XP4={Z 1.0}", "DECL E6POS X\nX.Z=1.0\nXP4=X", "XP4.Z=XP4.Z+1\nIF $IN[1] THEN\nXP4={X 5.0}\nENDIF"] {
+        let p = with_points(&format!("LIN XP2\n{change}\nLIN XP4\nLIN XP3"));
+        assert_eq!(p.targets[0].editable, Editable::No(Reason::ReadByOthers), "{change}");
+    }
 }
 
 #[test]

@@ -300,8 +300,8 @@ fn an_unmodelled_axis_and_an_option_of_the_motion_keep_the_target() {
         .concat(),
     );
     let program = read(&text);
-    assert!(program.targets.len() == 1 && program.motion_targets() == 3);
-    assert_eq!(program.targets[0].external.as_ref().unwrap().written[0], Some(850.0));
+    assert!(program.targets.len() == 2 && program.motion_targets() == 3 && !program.targets[0].located);
+    assert_eq!(program.targets[1].external.as_ref().unwrap().written[0], Some(850.0));
     let reasons: Vec<_> = program.kept.iter().map(|kept| (kept.line, kept.reason.text())).collect();
     assert_eq!(reasons, [(4, "moved by a position register (Offset)"), (6, "motion to a position register (PR)")]);
 }

@@ -1,7 +1,7 @@
 //! TP programs that are easily got wrong, each by the meaning that FANUC's R-30iB Operator's Manual (Basic Operation) gives its
 //! statements: which positions may be edited, and why the others are kept.
 
-use deflex::program::{Editable, Goal, Motion, Predecessor, Program, Role, tp};
+use deflex::program::{Editable, Goal, Motion, Predecessor, Program, Role, Target, tp};
 use deflex::text::Source;
 
 /// A program and what is right.
@@ -11,7 +11,7 @@ struct Hard {
     statements: &'static str,
     /// Instead of those in user frame 1 with tool 1.
     positions: &'static [(u32, &'static str)],
-    /// Numbers of the positions that may be edited.
+    /// Numbers of the positions that may be edited, if every motion cuts: one that is moved at run time then holds its position.
     edited: &'static [u32],
     /// Statements, from 1, with the reason.
     kept: &'static [(usize, &'static str)],
@@ -58,10 +58,12 @@ fn read(hard: &Hard, context: &[&str]) -> Program {
 
 fn judge(hard: &Hard) -> Program {
     let program = read(hard, &[]);
+    let name = |target: &Target| target.name.clone();
+    let held: Vec<_> = program.targets.iter().filter(|target| !target.located).map(name).collect();
     let mut edited: Vec<u32> = program
         .targets
         .iter()
-        .filter(|target| target.editable == Editable::Pose)
+        .filter(|target| target.editable == Editable::Pose && !held.contains(&target.name))
         .filter_map(|target| target.name.as_deref()?.trim_start_matches("P[").trim_end_matches(']').parse().ok())
         .collect();
     edited.sort_unstable();
@@ -264,10 +266,10 @@ const HARD: &[Hard] = &[
         ..PLAIN
     },
     Hard {
-        what: "a position that is read, one that is changed, and one by its coordinate",
+        what: "a position in a register that nothing uses, one that is changed, and one by its coordinate",
         statements: "PR[1]=P[1]\nP[2]=PR[4]\nPR[3,1]=P[3,1]\nL P[1] 10mm/sec FINE\nL P[2] 10mm/sec FINE\nL P[3] 10mm/sec FINE\nL P[4] 10mm/sec FINE",
-        edited: &[4],
-        kept: &[(4, NAMED), (5, NAMED), (6, NAMED)],
+        edited: &[1, 4],
+        kept: &[(5, NAMED), (6, NAMED)],
         ..PLAIN
     },
     Hard {
@@ -291,10 +293,7 @@ const HARD: &[Hard] = &[
         what: "a position moved in one place stays in the other",
         statements: "L P[1] 10mm/sec FINE\nL P[1] 10mm/sec FINE Offset,PR[2]\nL P[2] 10mm/sec FINE",
         edited: &[2],
-        kept: &[
-            (1, "also the position of a motion that is moved at run time"),
-            (2, "moved by a position register (Offset)"),
-        ],
+        kept: &[(2, "moved by a position register (Offset)")],
         ..PLAIN
     },
     Hard {
@@ -527,7 +526,7 @@ const HARD: &[Hard] = &[
     },
     Hard {
         what: "A with one point that stays holds its arc, and an arc that shares a point",
-        statements: "A P[1] 10mm/sec FINE\nA P[2] 10mm/sec FINE\nA P[3] 10mm/sec FINE\nPR[1]=P[2]\nC P[4] P[3] 10mm/sec FINE\nL P[5] 10mm/sec FINE",
+        statements: "A P[1] 10mm/sec FINE\nA P[2] 10mm/sec FINE\nA P[3] 10mm/sec FINE\nPR[1,1]=P[2,1]\nC P[4] P[3] 10mm/sec FINE\nL P[5] 10mm/sec FINE",
         edited: &[5],
         kept: &[(1, HALF_ARC), (2, NAMED), (3, HALF_ARC), (5, HALF_ARC)],
         ..PLAIN

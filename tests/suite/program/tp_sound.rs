@@ -4,7 +4,7 @@
 //! (inputs, registers of others, programs that are called) falls as a generator of random numbers says. Whatever run it is,
 //! a position that deflex would edit must be gone to as deflex says, and by nothing else.
 
-use deflex::program::{Editable, Goal, Program, Wobj, tp};
+use deflex::program::{Editable, Goal, Program, Target, Wobj, tp};
 use deflex::text::Source;
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
@@ -98,7 +98,7 @@ fn flatten(ops: &[Op], lines: &mut Vec<(String, Does)>) {
             Op::MoveTo(r) => plain(format!("L P[R[{r}]] 10mm/sec CNT50")),
             Op::Offset(p) => plain(format!("L P[{p}] 10mm/sec FINE Offset,PR[9]")),
             Op::Increment(p) => plain(format!("L P[{p}] 10mm/sec FINE INC")),
-            Op::Read(p) => plain(format!("PR[9]=P[{p}]")),
+            Op::Read(p) => plain(format!("PR[9,1]=P[{p},1]")),
             Op::Redefine(n, pr) => plain(format!("UFRAME[{n}]=PR[{pr}]")),
             Op::Fill(pr, x, turned) => {
                 for (element, value) in (1..).zip([*x, 2, 3, 90 * i32::from(*turned), 0, 0]) {
@@ -332,14 +332,16 @@ impl Machine<'_> {
     }
 }
 
-/// Positions that would be edited, by number.
+/// Positions that would be edited, by number, if every motion cuts: one that is moved at run time then holds its position.
 fn edited(program: &Program) -> BTreeSet<u32> {
     let number = |x: f64| x as u32;
     let of = |goal: &Goal| match goal {
         Goal::Pose { position_mm, .. } => number(position_mm[0]),
         _ => 0,
     };
-    program.targets.iter().filter(|t| t.is_end() && t.editable == Editable::Pose).map(|t| of(&t.goal)).collect()
+    let held: BTreeSet<u32> = program.targets.iter().filter(|t| !t.located).map(|t| of(&t.goal)).collect();
+    let is_edited = |t: &&Target| t.is_end() && t.editable == Editable::Pose && !held.contains(&of(&t.goal));
+    program.targets.iter().filter(is_edited).map(|t| of(&t.goal)).collect()
 }
 
 fn judge(lines: &[(String, Does)], seed: u64) -> Result<usize, TestCaseError> {
@@ -529,10 +531,7 @@ fn hand_made_cases() {
         (format!("UFRAME_NUM=1\nCALL X\nL P[4] 5{FINE}"), "user frame selected at run time"),
         (format!("UFRAME_NUM=1\nIF DI[1]=ON,CALL X\nL P[4] 5{FINE}"), "user frame selected at run time"),
         (format!("UFRAME[1]=PR[3]\nL P[1] 5{FINE}"), "user frame whose values a program sets"),
-        (
-            format!("L P[1] 5{FINE}\nL P[1] 5{FINE} Offset,PR[1]"),
-            "also the position of a motion that is moved at run time; moved by a position register (Offset)",
-        ),
+        (format!("L P[1] 5{FINE}\nL P[1] 5{FINE} Offset,PR[1]"), "+; moved by a position register (Offset)"),
         (
             format!("L P[1] 5{FINE}\nL P[2] 5{FINE} INC"),
             "an incremental motion is counted from it; incremental motion (INC)",
@@ -547,7 +546,7 @@ fn hand_made_cases() {
             format!("! deflex air\nIF DI[1]=ON,JMP LBL[1]\n! deflex cut\nLBL[1]\nL P[1] 5{FINE}"),
             "whether this motion cuts is known only at run time",
         ),
-        (format!("PR[1]=P[1]\nL P[1] 5{FINE}"), "position that another instruction reads or changes"),
+        (format!("PR[1]=P[1]\nR[1]=PR[1,1]\nL P[1] 5{FINE}"), "position that another instruction reads or changes"),
         (format!("JMP LBL[1]\nL P[1] 5{FINE}\nLBL[1]\nL P[2] 5{FINE}"), "+; motion that nothing reaches"),
         (format!("L P[7] 5{FINE}"), "position that is not in /POS"),
         (format!("TRACK TAST[1]\nL P[1] 5{FINE}"), "path is moved at run time (tracking)"),

@@ -2,9 +2,10 @@
 
 use super::code::Code;
 use super::effects::{Calls, Effect, Effects, NOT_GIVEN, effects, upper};
-use super::lines::{sections, statements};
+use super::expression;
+use super::lines::{Line, sections, statements};
 use super::lower::counts_from_its_start;
-use super::statement::{self, StatementKind};
+use super::statement::{self, StatementKind, Whole};
 use std::collections::{BTreeMap, BTreeSet};
 
 impl Calls {
@@ -14,11 +15,16 @@ impl Calls {
         let mut sources = sources.into_iter().peekable();
         let first = sources.peek().and_then(|bytes| name_of(bytes));
         let all: Vec<&[u8]> = sources.collect();
-        let own: BTreeMap<String, Own> = all.iter().copied().filter_map(one).collect();
+        let mut own: BTreeMap<String, Own> = all.iter().copied().filter_map(one).collect();
         let given = own.keys().map(|name| (name.clone(), closure(name, &own))).collect();
-        let mut calls = Self { given, ..Self::default() };
+        let straight = own.iter_mut().filter_map(|(name, own)| Some((name.clone(), own.straight.take()?))).collect();
+        let mut calls = Self { given, straight, ..Self::default() };
         if let Some(first) = first {
             calls.find_callers(&all, &own, &first);
+            let others = own.iter().filter(|(name, _)| **name != first).flat_map(|(_, own)| &own.effects);
+            calls.used_elsewhere = others
+                .filter_map(|effect| if let Effect::Uses(register) = effect { Some(*register) } else { None })
+                .collect();
             // The next cycle may begin where this one ends.
             calls.is_counted_from |= own.get(&first).is_some_and(|own| own.effects.contains(&Effect::Counts));
         }
@@ -78,6 +84,32 @@ fn name_of(bytes: &[u8]) -> Option<String> {
 struct Own {
     effects: Effects,
     calls: BTreeSet<String>,
+    /// Its statements, if a call can be replaced by them.
+    straight: Option<Vec<Line<'static>>>,
+}
+
+/// The statements of a program by which a call of it can be replaced: they run one after the other, move nothing, call nothing, and mean the same
+/// in the program that calls.
+fn straight(lines: &[Line<'_>], kinds: &[StatementKind<'_>]) -> Option<Vec<Line<'static>>> {
+    /// More statements than programs have that set frames.
+    const MOST: usize = 200;
+    let kinds = if let Some((StatementKind::End, before)) = kinds.split_last() { before } else { kinds };
+    let is_set = |kind: &StatementKind<'_>| match kind {
+        // The positions of a program are its own.
+        StatementKind::PositionRegister(_, whole) => !matches!(whole, Whole::Taught(_)),
+        StatementKind::Select(..)
+        | StatementKind::Redefine(..)
+        | StatementKind::Element(..)
+        | StatementKind::Override(_)
+        | StatementKind::Register(..) => true,
+        _ => false,
+    };
+    // A mark is a remark here.
+    let is_remark = |kind: &StatementKind<'_>| matches!(kind, StatementKind::Plain | StatementKind::Mark(_));
+    let owned = |line: &Line<'_>| Line { text: line.text.to_vec().into(), span: line.span, line: line.line };
+    let sets = lines.iter().zip(kinds).filter(|(_, kind)| is_set(kind));
+    (kinds.len() <= MOST && kinds.iter().all(|kind| is_set(kind) || is_remark(kind)))
+        .then(|| sets.map(|(line, _)| owned(line)).collect())
 }
 
 /// A program and all programs that it calls, directly or not, also those that are not given. A call with a name that is known only at run
@@ -109,9 +141,12 @@ fn one(bytes: &[u8]) -> Option<(String, Own)> {
     let name = upper(&bytes[sections.name?.range()]);
     let lines = statements(bytes, sections.statements?);
     let kinds: Vec<StatementKind<'_>> = lines.iter().map(statement::kind).collect();
-    let mut own = Own::default();
-    for kind in &kinds {
+    let mut own = Own { straight: straight(&lines, &kinds), ..Own::default() };
+    for (line, kind) in lines.iter().zip(&kinds) {
         own.effects.extend(effects(kind));
+        let end = if let StatementKind::Motion(motion) = kind { motion.moves_to_register() } else { None };
+        let used = statement::registers_used(line, kind).into_iter().chain(end);
+        own.effects.extend(used.map(|register| Effect::Uses(expression::count(register))));
         own.calls.extend(statement::runs(kind).into_iter().map(upper));
     }
     let counts = |kind: &StatementKind<'_>| matches!(kind, StatementKind::Motion(motion) if motion.counts_on());

@@ -1,6 +1,7 @@
 //! The possible effects of statements, and of the programs that they call, in any order.
 
 use super::expression;
+use super::lines::Line;
 use super::statement::{self, Frame, StatementKind, Whole};
 use crate::reason::Reason;
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,6 +17,8 @@ pub(super) enum Effect {
     Redefine(Frame, Option<u32>),
     /// Sets elements of a position register.
     Elements(Option<u32>),
+    /// Does something that depends on a position register.
+    Uses(Option<u32>),
     /// Gives a position register axis angles, perhaps.
     Axes(Option<u32>),
     /// Sets the speed override.
@@ -34,9 +37,10 @@ pub(super) type Effects = BTreeSet<Effect>;
 
 /// The effects of a program that is not given. It changes neither the speed override nor the values of frames and tools, because those of the
 /// cell are what the controller has (`docs/soundness.md`).
-pub(super) const NOT_GIVEN: [Effect; 5] = [
+pub(super) const NOT_GIVEN: [Effect; 6] = [
     Effect::Register(None),
     Effect::Elements(None),
+    Effect::Uses(None),
     Effect::Select(Frame::User),
     Effect::Select(Frame::Tool),
     Effect::Moves,
@@ -54,6 +58,10 @@ pub(super) const NOT_GIVEN: [Effect; 5] = [
 #[derive(Clone, Debug, Default)]
 pub struct Calls {
     pub(super) given: BTreeMap<String, Effects>,
+    /// The statements of programs that only set registers, frames and tools, one after the other.
+    pub(super) straight: BTreeMap<String, Vec<Line<'static>>>,
+    /// Position registers on which other programs depend that are given.
+    pub(super) used_elsewhere: BTreeSet<Option<u32>>,
     /// Whether another program may call the first one.
     pub(super) is_called: bool,
     /// Whether something may, after the first one has ended, move relative to where the arm stands: another program, or its next cycle.
@@ -70,6 +78,11 @@ impl Calls {
     /// Whether any program moves relative to where the arm stands when it begins.
     pub(super) fn may_count(&self) -> bool {
         self.given.values().any(|effects| effects.contains(&Effect::Counts))
+    }
+
+    /// The statements of a program that only sets registers, frames and tools, one after the other; `None` for other programs.
+    pub(super) fn straight(&self, name: &[u8]) -> Option<&[Line<'static>]> {
+        self.straight.get(&upper(name)).map(Vec::as_slice)
     }
 
     /// The effects of a call of a program; with an empty name, those of any program.
@@ -104,7 +117,7 @@ pub(super) fn effects(kind: &StatementKind<'_>) -> Vec<Effect> {
         StatementKind::Element(register, ..) => vec![Effect::Elements(expression::count(register))],
         StatementKind::PositionRegister(register, from) => {
             let register = expression::count(register);
-            let axes = (*from == Whole::Unknown).then_some(Effect::Axes(register));
+            let axes = matches!(from, Whole::Unknown | Whole::Taught(_)).then_some(Effect::Axes(register));
             axes.into_iter().chain([Effect::Elements(register)]).collect()
         }
         StatementKind::RedefineAny => {

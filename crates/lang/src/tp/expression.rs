@@ -2,6 +2,7 @@
 
 use super::builtin;
 use super::lex::{Parsed, blanks, brackets, index, is_letter, number_token, spaced, value_of, word};
+use super::statement::{of_first_group, register_and_element};
 use crate::ir::{Binary, Expression, ExpressionKind as Is, SourceSpan, Unary};
 use crate::reason::Reason;
 use nom::Parser;
@@ -155,12 +156,20 @@ impl Terms {
         }
         let (rest, name) = word(input)?;
         let Ok((rest, within)) = brackets(rest) else { return Ok((rest, unknown(self.place))) };
-        if !name.eq_ignore_ascii_case(b"R") {
-            return Ok((rest, unknown(self.place)));
+        if name.eq_ignore_ascii_case(b"R") {
+            let number = self.number(index(within), inner)?;
+            return Ok((rest, Expression::builtin(builtin::REGISTER, vec![number], self.place)));
         }
-        let (left_over, number) = self.joined(index(within), &LEVELS, inner)?;
-        let number = if left_over.is_empty() { number } else { unknown(self.place) };
-        Ok((rest, Expression::builtin(builtin::REGISTER, vec![number], self.place)))
+        let register = of_first_group(within).filter(|_| name.eq_ignore_ascii_case(b"PR")).map(register_and_element);
+        let Some((register, Some(element))) = register else { return Ok((rest, unknown(self.place))) };
+        let both = vec![self.number(register, inner)?, self.number(element, inner)?];
+        Ok((rest, Expression::builtin(builtin::VALUE, both, self.place)))
+    }
+
+    /// The expression in an index.
+    fn number<'a>(&self, index: &'a [u8], depth: usize) -> Result<Expression, nom::Err<nom::error::Error<&'a [u8]>>> {
+        let (left_over, number) = self.joined(index, &LEVELS, depth)?;
+        Ok(if left_over.is_empty() { number } else { unknown(self.place) })
     }
 }
 

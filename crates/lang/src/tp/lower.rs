@@ -5,7 +5,7 @@ use super::effects::{self, Calls, Effect};
 use super::expression::{self, condition, expression};
 use super::motion::{Motion, Point, Speed};
 use super::statement::{self, Frame, StatementKind as Written, Whole};
-use super::{ANY, CONCURRENT, ELEMENTS, FRAMES, OVERRIDE, POSITIONS, STANDS, Tp, builtin};
+use super::{ANY, CONCURRENT, ELEMENTS, ORIGINS, OVERRIDE, POSITIONS, STANDS, Tp, builtin};
 use crate::Span;
 use crate::ir::{
     self, Argument, Binary, Callee, Expression, ExpressionKind as Is, Function, FunctionId, Program, Slot, SourceSpan,
@@ -15,7 +15,7 @@ use crate::reason::Reason;
 use crate::run::{self, Moved};
 use crate::value::{Content, Value, is_whole};
 use nalgebra::Isometry3;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -34,7 +34,7 @@ const ANYWHERE: &str = "anywhere";
 /// Lowers a program. `positions` are the numbers of those in `/POS`, each with its place, which is the token with its index;
 /// `displaced` is why the paths of the whole program are moved at run time, where they are.
 ///
-/// The tokens that a run uses are positions that something counts from.
+/// The tokens that a run uses are positions that something counts from, or on which something other than a motion to a position register depends.
 ///
 /// ```
 /// use deflex_lang::tp::{Calls, Code, Held, lower, lines};
@@ -48,14 +48,14 @@ const ANYWHERE: &str = "anywhere";
 pub fn lower(code: &Code<'_>, positions: &[(u32, Span)], calls: &Calls, displaced: Option<Reason>) -> (Program, Tp) {
     let tokens = positions.iter().map(|(_, span)| SourceSpan { source: 0, span: *span }).collect();
     let stands = Expression { kind: Is::Truth(false), place: SourceSpan::default() };
-    Lowering::new(code, calls).program(tokens, positions, stands, displaced)
+    Lowering::new(code, calls, positions).program(tokens, stands, displaced)
 }
 
 /// Whether a program moves relative to where the arm stands when it begins: on some path, no other motion comes first. The programs that it
 /// calls are examined separately.
 pub(super) fn counts_from_its_start(code: &Code<'_>) -> bool {
     let stands = Expression { kind: Is::Number(0.0, TokenId(0)), place: SourceSpan::default() };
-    let (program, tp) = Lowering::new(code, &Calls::default()).program(vec![SourceSpan::default()], &[], stands, None);
+    let (program, tp) = Lowering::new(code, &Calls::default(), &[]).program(vec![SourceSpan::default()], stands, None);
     run::run(&program, &tp).map_or(true, |outcome| !outcome.used.is_empty())
 }
 
@@ -110,6 +110,19 @@ impl Held<'_> {
     #[must_use]
     pub fn via(self) -> Option<u32> {
         number(item(self.0.via.as_ref()?, 0)?)
+    }
+
+    /// The positions, by their tokens, from which the position register comes to which the motion goes.
+    #[must_use]
+    pub fn origins(self) -> Vec<TokenId> {
+        item(&self.0.to, 3).map_or_else(Vec::new, |origin| origin.all_reads().tokens().to_vec())
+    }
+
+    /// The distance by which `Offset` moves the end, mm, in the user frame; `None` if it is not known, or if the end is also turned.
+    #[must_use]
+    pub fn offset_mm(self) -> Option<[f64; 3]> {
+        let offset = item(&self.0.to, 4)?.pose()?.pose();
+        (offset.rotation == nalgebra::UnitQuaternion::identity()).then(|| offset.translation.vector.into())
     }
 
     /// The selected user frame or tool, if it is known.
@@ -173,6 +186,10 @@ struct Lowering<'a> {
     counts: bool,
     /// Position registers that may have axis angles, whose elements are then not X, Y, Z, W, P, R; `None` for any.
     axes: BTreeSet<Option<u32>>,
+    /// The token of each position, by its number.
+    taught: BTreeMap<u32, TokenId>,
+    /// Position registers that the program sets to positions and that no other program may read at any moment, with all of these positions.
+    copies: BTreeMap<u32, BTreeSet<u32>>,
     /// Whether a statement may be a label that is not known.
     has_odd_labels: bool,
     /// Statements that are targets of jumps.
@@ -183,7 +200,19 @@ struct Lowering<'a> {
 }
 
 impl<'a> Lowering<'a> {
-    fn new(code: &'a Code<'a>, calls: &'a Calls) -> Self {
+    fn new(code: &'a Code<'a>, calls: &'a Calls, positions: &[(u32, Span)]) -> Self {
+        let concurs = |kind: &Written<'_>| calls.of_statement(kind).contains(&Effect::Concurrent);
+        let is_read = |register: &u32| {
+            calls.used_elsewhere.contains(&None)
+                || calls.used_elsewhere.contains(&Some(*register))
+                || code.kinds.iter().any(concurs)
+        };
+        let mut copies: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
+        for kind in &code.kinds {
+            if let Some((register, position)) = copied(kind).filter(|(register, _)| !is_read(register)) {
+                copies.entry(register).or_default().insert(position);
+            }
+        }
         let counts_on = |kind: &Written<'_>| matches!(kind, Written::Motion(motion) if motion.counts_on());
         let is_odd = |kind: &Written<'_>| match kind {
             Written::Label(number) => expression::count(number).is_none(),
@@ -197,6 +226,8 @@ impl<'a> Lowering<'a> {
                 .chain(code.kinds.iter().flat_map(effects::effects))
                 .filter_map(|effect| if let Effect::Axes(register) = effect { Some(register) } else { None })
                 .collect(),
+            taught: positions.iter().enumerate().rev().map(|(at, (number, _))| (*number, TokenId(at as u32))).collect(),
+            copies,
             has_odd_labels: code.kinds.iter().any(is_odd),
             wanted: BTreeSet::new(),
             goes_anywhere: false,
@@ -204,13 +235,7 @@ impl<'a> Lowering<'a> {
         }
     }
 
-    fn program(
-        mut self,
-        tokens: Vec<SourceSpan>,
-        positions: &[(u32, Span)],
-        stands: Expression,
-        displaced: Option<Reason>,
-    ) -> (Program, Tp) {
+    fn program(mut self, tokens: Vec<SourceSpan>, stands: Expression, displaced: Option<Reason>) -> (Program, Tp) {
         let count = self.code.kinds.len();
         let lowered: Vec<Vec<StatementKind>> = (0..count).map(|at| self.statement(at)).collect();
         let place = |at: usize| self.code.lines.get(at).map_or(SourceSpan::default(), |line| placed(line.span));
@@ -234,10 +259,11 @@ impl<'a> Lowering<'a> {
         let tools = extent(&all, &[builtin::REDEFINE[Frame::Tool as usize]], NUMBERED);
         let registers = extent(&all, &[builtin::REGISTER, builtin::SET], REGISTERS);
         let elements = ELEMENTS * extent(&all, &[builtin::ELEMENT], POSITION_REGISTERS);
-        let [tool, register] = [FRAMES + users, FRAMES + users + tools];
+        let frame = ORIGINS + self.copies.len() as u32;
+        let [tool, register] = [frame + users, frame + users + tools];
         let element = register + registers;
         let tp = Tp {
-            frames: [FRAMES..tool, tool..register],
+            frames: [frame..tool, tool..register],
             registers: register..element,
             elements: element..element + elements,
         };
@@ -258,15 +284,19 @@ impl<'a> Lowering<'a> {
             (Switch::Tool.slot(), unknown(Reason::ToolSelected)),
             (Slot::Global(OVERRIDE), self.override_of(self.override_left())),
         ];
-        let slots = [CONCURRENT, ANY[0], ANY[1]].into_iter().chain(FRAMES..register);
+        let slots = [CONCURRENT, ANY[0], ANY[1]].into_iter().chain(frame..register);
         let is_set = |slot| {
             let of_any = |frame: usize| tp.frames[frame].contains(&slot) && set.contains(&ANY[frame]);
             set.contains(&slot) || of_any(0) || of_any(1)
         };
         begins.extend(slots.map(|slot| (Slot::Global(slot), truth(is_set(slot)))));
         begins.extend(displaced.map(|why| (Switch::Shift.slot(), unknown(why))));
+        // A register has the value that the last cycle left.
+        let left = self.copies.values().map(|left| left.iter().map(|position| self.taught(*position)).collect());
+        let left = left.map(|left| Expression { kind: Is::List(left), place: SourceSpan::default() });
+        begins.extend((ORIGINS..).map(Slot::Global).zip(left));
         if self.counts {
-            begins.push((Slot::Global(POSITIONS), table(positions)));
+            begins.push((Slot::Global(POSITIONS), self.table()));
             begins.push((Slot::Global(STANDS), stands));
         }
         // A caller has moved the arm.
@@ -282,6 +312,40 @@ impl<'a> Lowering<'a> {
     fn statement(&mut self, at: usize) -> Vec<StatementKind> {
         self.place = placed(self.code.lines[at].span);
         let partner = self.code.partner.get(&at).copied();
+        let mut kinds = self.uses(at);
+        kinds.extend(self.does_itself(at, partner));
+        kinds
+    }
+
+    /// Records the positions on which a statement depends by position registers.
+    fn uses(&self, at: usize) -> Vec<StatementKind> {
+        let (line, kind) = (&self.code.lines[at], &self.code.kinds[at]);
+        // The bound of a loop may be read in each round.
+        let start = self.code.partner.get(&at).filter(|_| *kind == Written::EndFor);
+        let start = start.map(|start| (&self.code.lines[*start], &self.code.kinds[*start]));
+        let used =
+            [(line, kind)].into_iter().chain(start).flat_map(|(line, kind)| statement::registers_used(line, kind));
+        let mut parts: Vec<Expression> = used.flat_map(|index| self.origins(expression::count(index))).collect();
+        // What becomes of a register that other programs may read is not known.
+        let lost = |(register, _): &(u32, u32)| !self.copies.contains_key(register);
+        parts.extend(copied(kind).filter(lost).map(|(_, position)| self.taught(position)));
+        (!parts.is_empty()).then(|| self.uses_up(parts)).into_iter().collect()
+    }
+
+    /// Expressions that depend on the positions from which a position register comes; from which any comes, if its number is unknown.
+    fn origins(&self, register: Option<u32>) -> Vec<Expression> {
+        let is_wanted = |own: &u32| register.is_none_or(|register| register == *own);
+        let slots = (ORIGINS..).zip(self.copies.keys()).filter(|(_, own)| is_wanted(own));
+        slots.map(|(slot, _)| self.read(slot)).collect()
+    }
+
+    /// An expression that depends on a position.
+    fn taught(&self, position: u32) -> Expression {
+        let kind = self.taught.get(&position).map_or(Is::Truth(false), |token| Is::Number(0.0, *token));
+        Expression { kind, place: self.place }
+    }
+
+    fn does_itself(&mut self, at: usize, partner: Option<usize>) -> Vec<StatementKind> {
         match (&self.code.kinds[at], partner) {
             // Its effects come with the motion that it belongs to.
             _ if self.code.inner[at] => Vec::new(),
@@ -339,12 +403,12 @@ impl<'a> Lowering<'a> {
                     let element = Expression::constant(f64::from(element));
                     self.does(builtin::ELEMENT, vec![register.clone(), element, Expression::constant(0.0)])
                 };
-                (1..=ELEMENTS).map(zero).collect()
+                (1..=ELEMENTS).map(zero).chain(self.comes_from(kind)).collect()
             }
             Written::PositionRegister(register, _) => {
-                vec![
-                    self.does(builtin::ELEMENT, vec![expression(register, self.place), self.unknown(), self.unknown()]),
-                ]
+                let register = expression(register, self.place);
+                let lost = self.does(builtin::ELEMENT, vec![register, self.unknown(), self.unknown()]);
+                [lost].into_iter().chain(self.comes_from(kind)).collect()
             }
             Written::Override(percent) => {
                 let percent = self.override_of(expression(percent, self.place));
@@ -356,6 +420,7 @@ impl<'a> Lowering<'a> {
             }
             Written::Jump(label) => self.jump(label, None),
             Written::Wait(condition, label) => self.wait(condition, *label),
+            Written::Call(name) if self.calls.straight(name).is_some() => self.straight(at, name),
             Written::Call(_) | Written::Macro | Written::Displace(_) | Written::RedefineAny => {
                 self.effects(self.calls.of_statement(kind))
             }
@@ -376,6 +441,29 @@ impl<'a> Lowering<'a> {
             | Written::ElseCase(_) => Vec::new(),
             Written::For(..) | Written::EndFor | Written::EndIf | Written::Label(_) | Written::Plain => Vec::new(),
         }
+    }
+
+    /// The statements of a called program.
+    fn straight(&mut self, at: usize, name: &[u8]) -> Vec<StatementKind> {
+        let mut effects = self.calls.of(name);
+        effects.retain(|effect| matches!(effect, Effect::Uses(_)));
+        let mut kinds = self.effects(effects);
+        for line in self.calls.straight(name).unwrap_or_default() {
+            kinds.extend(self.plain(at, &statement::kind(line)));
+        }
+        kinds
+    }
+
+    /// Records from which positions a position register comes after it was set as a whole.
+    fn comes_from(&self, kind: &Written<'_>) -> Option<StatementKind> {
+        let Written::PositionRegister(register, whole) = kind else { return None };
+        let own = expression::count(register)?;
+        let (slot, _) = (ORIGINS..).zip(self.copies.keys()).find(|(_, register)| **register == own)?;
+        let origin = match whole {
+            Whole::Taught(position) => self.taught(*position),
+            _ => Expression { kind: Is::Truth(false), place: self.place },
+        };
+        Some(assign(Slot::Global(slot), origin))
     }
 
     /// The speed override after it was set; unknown if a program that runs in parallel may set it too.
@@ -415,14 +503,20 @@ impl<'a> Lowering<'a> {
     fn motion(&mut self, at: usize, motion: &Motion<'_>) -> Vec<StatementKind> {
         let index = |point: Point<'_>| match point {
             Point::Position(index) => expression(index, self.place),
+            Point::Register(_) => Expression::unknown(Reason::PositionRegister, Vec::new(), self.place),
             Point::RunTime(why) => Expression::unknown(why, Vec::new(), self.place),
         };
         let position = |point| Expression::builtin(builtin::POSITION, vec![index(point)], self.place);
+        let origins = motion.moves_to_register().map(|index| self.origins(expression::count(index)));
+        let origins = Expression { kind: Is::List(origins.unwrap_or_default()), place: self.place };
+        let mut of_end = vec![index(motion.end), origins];
+        of_end.extend(motion.offset.map(|register| expression(register, self.place)));
+        let end = Expression::builtin(builtin::POSITION, of_end, self.place);
         let counts = motion.counts_on().then(|| self.read(STANDS));
         let moves = ir::Motion {
             path: motion.path,
             via: motion.via.map(position),
-            to: Some(position(motion.end)),
+            to: Some(end),
             speed: motion.speed.map(|speed| {
                 let percent = self.read(OVERRIDE);
                 let Speed::Register { text, .. } = speed else { return percent };
@@ -463,7 +557,13 @@ impl<'a> Lowering<'a> {
             }
         });
         let lost = registers.into_iter().map(|number| self.does(builtin::SET, vec![number, self.waited_for()]));
-        let lost: Vec<StatementKind> = lost.collect();
+        let mut lost: Vec<StatementKind> = lost.collect();
+        holds.each(&mut |part| {
+            if let Is::Call(Callee::Builtin(builtin::VALUE), of) = &part.kind {
+                let of = of.iter().map(|part| part.value.clone()).chain([self.waited_for()]).collect();
+                lost.push(self.does(builtin::ELEMENT, of));
+            }
+        });
         let mut kinds = Vec::new();
         if !lost.is_empty() {
             kinds.push(guard(self.not(holds), lost, self.place));
@@ -510,6 +610,9 @@ impl<'a> Lowering<'a> {
     fn is_fixed(&self, bound: &Expression, counter: &[u8], body: Range<usize>) -> bool {
         let mut registers = Vec::new();
         bound.each(&mut |part| {
+            if let Is::Call(Callee::Builtin(builtin::VALUE), _) = &part.kind {
+                registers.push(None);
+            }
             if let Is::Call(Callee::Builtin(builtin::REGISTER), of) = &part.kind {
                 registers.push(match of[..] {
                     [Argument { value: Expression { kind: Is::Constant(number), .. }, .. }] => {
@@ -572,6 +675,7 @@ impl<'a> Lowering<'a> {
                 Effect::Redefine(frame, of) => {
                     self.does(builtin::REDEFINE[frame as usize], vec![number(of), self.unknown()])
                 }
+                Effect::Uses(register) => self.uses_up(self.origins(register)),
                 Effect::Elements(of) => self.does(builtin::ELEMENT, vec![number(of), self.unknown(), self.unknown()]),
                 Effect::Override => assign(Slot::Global(OVERRIDE), self.unknown()),
                 Effect::Displace(why) => assign(Switch::Shift.slot(), Expression::unknown(why, Vec::new(), self.place)),
@@ -585,7 +689,12 @@ impl<'a> Lowering<'a> {
 
     /// Something counts from where the arm stands.
     fn counted_from(&self) -> StatementKind {
-        StatementKind::Evaluate(Expression::unknown(Reason::Input, vec![self.read(STANDS)], self.place))
+        self.uses_up(vec![self.read(STANDS)])
+    }
+
+    /// Something other than the end of a motion depends on values.
+    fn uses_up(&self, values: Vec<Expression>) -> StatementKind {
+        StatementKind::Evaluate(Expression::unknown(Reason::Input, values, self.place))
     }
 
     /// The end of the program.
@@ -615,6 +724,13 @@ impl<'a> Lowering<'a> {
 
     fn not(&self, holds: Expression) -> Expression {
         Expression { kind: Is::Unary(Unary::Not, Box::new(holds)), place: self.place }
+    }
+
+    /// All positions by their numbers, each of which depends on its token.
+    fn table(&self) -> Expression {
+        let most = self.taught.keys().filter(|number| **number < MOST).max();
+        let items = (0..most.map_or(0, |most| most + 1)).map(|number| self.taught(number)).collect();
+        Expression { kind: Is::List(items), place: SourceSpan::default() }
     }
 
     fn read(&self, slot: u32) -> Expression {
@@ -657,17 +773,12 @@ fn without(mut effects: BTreeSet<Effect>, others: &[Effect]) -> BTreeSet<Effect>
     effects
 }
 
-/// All positions by their numbers, each of which depends on its token.
-fn table(positions: &[(u32, Span)]) -> Expression {
-    let place = SourceSpan::default();
-    let count = positions.iter().map(|(number, _)| number + 1).filter(|count| *count <= MOST).max();
-    let mut items = vec![Expression::constant(0.0); count.unwrap_or(0) as usize];
-    for (at, (number, _)) in positions.iter().enumerate() {
-        if let Some(item) = items.get_mut(*number as usize) {
-            item.kind = Is::Number(0.0, TokenId(at as u32));
-        }
+/// The position register that a statement sets to a position, and the number of that position.
+fn copied(kind: &Written<'_>) -> Option<(u32, u32)> {
+    match kind {
+        Written::PositionRegister(register, Whole::Taught(position)) => Some((expression::count(register)?, *position)),
+        _ => None,
     }
-    Expression { kind: Is::List(items), place }
 }
 
 /// How many numbers are followed of what these routines are called with first; `computed` of them where some are computed.

@@ -53,10 +53,13 @@ mod builtin {
     pub(super) const CONCURRENT: u16 = 7;
     /// Records that another program may have moved the arm.
     pub(super) const ELSEWHERE: u16 = 8;
-    /// A position, by its number, with the user frames and tools.
+    /// A position, by its number, with the user frames and tools, with the value that depends on the positions of a position register, and with
+    /// the pose in a position register, by its number.
     pub(super) const POSITION: u16 = 9;
     /// Sets an element of a position register, by their numbers; all elements if the number of the element is unknown.
     pub(super) const ELEMENT: u16 = 10;
+    /// The value of an element of a position register, by their numbers.
+    pub(super) const VALUE: u16 = 11;
 }
 
 /// Whether something runs in parallel.
@@ -69,8 +72,8 @@ const POSITIONS: u32 = STANDS + 1;
 const ANY: [u32; 2] = [POSITIONS + 1, POSITIONS + 2];
 /// The speed override, per cent.
 const OVERRIDE: u32 = ANY[1] + 1;
-/// The first user frame.
-const FRAMES: u32 = OVERRIDE + 1;
+/// The positions from which the position registers come that the program sets to positions, in the order of their numbers.
+const ORIGINS: u32 = OVERRIDE + 1;
 
 /// The semantics of TP for one program.
 #[derive(Clone, Debug)]
@@ -221,6 +224,12 @@ impl Dialect for Tp {
                 let known = self.register(&first()).map(|slot| store.get(slot).clone());
                 return known.unwrap_or_else(|| Value::unknown(Reason::Input));
             }
+            builtin::VALUE => {
+                let element = || whole(arguments.get("", 1)?)?.checked_sub(1).filter(|element| *element < ELEMENTS);
+                let slot = self.elements_of(&first()).zip(element()).map(|(all, element)| all.start + element);
+                let known = slot.map(|slot| store.get(Slot::Global(slot)).clone());
+                return known.unwrap_or_else(|| Value::unknown(Reason::Input));
+            }
             builtin::SET => self.set(arguments, store),
             builtin::ELEMENT => self.set_element(arguments, store),
             builtin::CONCURRENT => {
@@ -235,7 +244,11 @@ impl Dialect for Tp {
                     Some(index) => number(f64::from(index)),
                     None => Value::unknown(Reason::PositionUnknown),
                 };
-                return Content::List([index, self.values_of(0, store), self.values_of(1, store)].into()).into();
+                let origin = arguments.get("", 1).cloned().unwrap_or_else(|| Content::Nothing.into());
+                let offset = arguments.get("", 2).and_then(|register| self.in_register(register, store));
+                let offset = offset.unwrap_or_else(|| Content::Nothing.into());
+                let [users, tools] = [0, 1].map(|frame| self.values_of(frame, store));
+                return Content::List([index, users, tools, origin, offset].into()).into();
             }
             _ => {
                 for (frame, switch) in [Switch::Frame, Switch::Tool].into_iter().enumerate() {

@@ -1,6 +1,7 @@
 //! Motion instructions: `L P[3:corner] 500mm/sec CNT50 ACC80 Offset,PR[1]`.
 
 use super::lex::{Parsed, blanks, brackets, index, number_token, spaced, value_of, word};
+use super::statement::of_first_group;
 use crate::ir::Path;
 use crate::reason::Reason;
 use nom::Parser;
@@ -33,6 +34,8 @@ pub struct Motion<'a> {
     pub speed: Option<Speed<'a>>,
     /// Why the motion does not end at its point, or not with this robot alone.
     pub moved: Option<Reason>,
+    /// The index of the position register by which the point is moved in its user frame, if nothing else moves it (`Offset,PR[1]`).
+    pub(super) offset: Option<&'a [u8]>,
     /// Whether its path is a line or an arc in the frame that another motion group carries (`COORD`).
     pub coordinated: bool,
     /// Whether other statements run in parallel with it.
@@ -48,11 +51,41 @@ pub struct Motion<'a> {
 }
 
 impl Motion<'_> {
+    /// Records that the motion does not end at its point. Of several reasons, a position register that shifts the point is the last one, because such a
+    /// motion still moves with its point.
+    fn moves(&mut self, why: Reason) {
+        self.offset = None;
+        if self.moved.is_none_or(|known| is_shift(known) && !is_shift(why)) {
+            self.moved = Some(why);
+        }
+    }
+
+    /// Why the motion ends at a distance and turn from a position that only the controller knows; `None` for other motions.
+    #[must_use]
+    pub fn shifted(&self) -> Option<Reason> {
+        let is_one_line = self.via.is_none() && !self.is_arc && !self.coordinated;
+        let register = matches!(self.end, Point::Register(_)).then_some(Reason::PositionRegister);
+        self.moved.filter(|why| is_shift(*why)).or(register.filter(|_| self.moved.is_none())).filter(|_| is_one_line)
+    }
+
+    /// The index of the position register to which the motion goes, if it is [`shifted`](Self::shifted).
+    pub(super) fn moves_to_register(&self) -> Option<&[u8]> {
+        match self.end {
+            Point::Register(index) if self.shifted().is_some() => Some(index),
+            _ => None,
+        }
+    }
+
     /// Whether it is relative to where the arm stands.
     #[must_use]
     pub(crate) fn counts_on(&self) -> bool {
         self.moved == Some(Reason::Increment)
     }
+}
+
+/// Whether a motion ends at its point, shifted by a position register.
+fn is_shift(moved: Reason) -> bool {
+    matches!(moved, Reason::MovedByRegister | Reason::ToolMovedByRegister)
 }
 
 /// The speed of the TCP in a motion.
@@ -94,6 +127,8 @@ pub enum Speed<'a> {
 pub enum Point<'a> {
     /// `P[…]`: the index as written.
     Position(&'a [u8]),
+    /// `PR[…]`: the index as written.
+    Register(&'a [u8]),
     /// A place that is known only at run time, with the reason.
     RunTime(Reason),
 }
@@ -124,6 +159,7 @@ pub(super) fn motion(text: &[u8]) -> Option<Motion<'_>> {
         end,
         speed,
         moved,
+        offset: None,
         coordinated: false,
         runs_others: false,
         calls: Vec::new(),
@@ -142,7 +178,7 @@ fn point(input: &[u8]) -> Parsed<'_, Point<'_>> {
     let (rest, (_, name, _, within)) = (blanks, name, blanks, brackets).parse(input)?;
     let point = match name.len() {
         1 => Point::Position(index(within)),
-        2 => Point::RunTime(Reason::PositionRegister),
+        2 => Point::Register(index(within)),
         _ => Point::RunTime(Reason::Palletizing),
     };
     Ok((rest, point))
@@ -275,10 +311,14 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
             match WORDS.iter().find(|(known, _)| *known == upper).map(|(_, meaning)| meaning) {
                 Some(Meaning::Plain) => {}
                 Some(Meaning::Moved(why)) => {
-                    motion.moved.get_or_insert(*why);
+                    let is_first = motion.moved.is_none();
+                    motion.moves(*why);
+                    let register = (spaced(tag(",")), tag_no_case("PR"), brackets).parse(after) as Parsed<'_, _>;
+                    let register = register.ok().and_then(|(_, (_, _, within))| of_first_group(within)).map(index);
+                    motion.offset = register.filter(|_| is_first && *why == Reason::MovedByRegister);
                 }
                 Some(Meaning::Skip) => {
-                    motion.moved.get_or_insert(Reason::Skip);
+                    motion.moves(Reason::Skip);
                     motion.skip = label(after);
                     return;
                 }
@@ -292,16 +332,14 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
                 // A register counts for the word before it: `CNT R[3]`, `Offset,PR[1]`.
                 None if within.is_some() && matches!(&upper[..], b"R" | b"AR" | b"PR") => {}
                 None if is_timed => {}
-                None => {
-                    motion.moved.get_or_insert(Reason::MotionOption);
-                }
+                None => motion.moves(Reason::MotionOption),
             }
             rest = after;
             continue;
         }
         let mark = |b: &u8| matches!(b, b',' | b'=' | b'%' | b'.' | b'(' | b')') || b.is_ascii_digit();
         if !is_timed && !mark(&rest[0]) {
-            motion.moved.get_or_insert(Reason::MotionOption);
+            motion.moves(Reason::MotionOption);
         }
         rest = &rest[1..];
     }
@@ -460,7 +498,7 @@ mod tests {
     fn points_are_told_apart() {
         let circle = read("C P[1:a] P[R[2]] 100mm/sec FINE");
         assert_eq!((circle.via, circle.end), (Some(Point::Position(b"1")), Point::Position(b"R[2]")));
-        assert!(matches!(read("J PR[1] 100% FINE").end, Point::RunTime(_)));
+        assert!(matches!(read("J PR[1] 100% FINE").end, Point::Register(b"1")));
         assert!(matches!(read("J PAL_1[A_2] 30% FINE").end, Point::RunTime(_)));
         for other in ["LBL[1]", "JMP LBL[1]", "CALL P", "Lift P", "C P[1] 100mm/sec FINE"] {
             assert_eq!(motion(other.as_bytes()), None, "{other}");

@@ -1,5 +1,6 @@
 //! The statements of `/MN`, by their effect on where the robot goes.
 
+use super::expression::count;
 use super::lex::{Parsed, brackets, index, is_letter, keyword, spaced, word};
 use super::lines::Line;
 use super::motion::{self, Motion};
@@ -112,6 +113,8 @@ pub enum Frame {
 pub enum Whole {
     /// All elements are zero (`PR[1]=LPOS-LPOS`, `PR[1]=PR[1]-PR[1]`).
     Zero,
+    /// A position of the program with this number (`P[4]`), in X, Y, Z, W, P, R or in axis angles.
+    Taught(u32),
     /// The actual position (`LPOS`): X, Y, Z, W, P, R that are known only at run time.
     Position,
     /// Anything, also axis angles.
@@ -289,7 +292,7 @@ fn redefined(frame: Frame, rest: &[u8]) -> StatementKind<'_> {
 }
 
 /// `GP1:3`, `3`: the text after the motion group; `None` for another group.
-fn of_first_group(within: &[u8]) -> Option<&[u8]> {
+pub(super) fn of_first_group(within: &[u8]) -> Option<&[u8]> {
     let grouped = within.len() > 2 && within[..2].eq_ignore_ascii_case(b"GP");
     match within.iter().position(|b| *b == b':').filter(|_| grouped) {
         Some(at) => within[..at].trim_ascii().eq_ignore_ascii_case(b"GP1").then(|| &within[at + 1..]),
@@ -303,18 +306,15 @@ fn position_register(rest: &[u8]) -> StatementKind<'_> {
         return StatementKind::PositionRegister(b"", Whole::Unknown);
     };
     let Some(within) = of_first_group(within) else { return StatementKind::Plain };
-    // A comment ends the indices, and may have commas.
-    let indices = index(within);
-    let mut depth = 0_i32;
-    let comma = indices.iter().position(|b| {
-        depth += i32::from(*b == b'[') - i32::from(*b == b']');
-        depth == 0 && *b == b','
-    });
-    if let Some(at) = comma {
-        return StatementKind::Element(&indices[..at], &indices[at + 1..], value);
+    let (indices, element) = register_and_element(within);
+    if let Some(element) = element {
+        return StatementKind::Element(indices, element, value);
     }
+    let taught = (keyword("P"), brackets).parse(value.trim_ascii()) as Parsed<'_, _>;
+    let taught = taught.ok().filter(|(after, _)| after.is_empty()).and_then(|(_, (_, within))| count(index(within)));
     let value: Vec<u8> = value.iter().filter(|b| !b.is_ascii_whitespace()).map(u8::to_ascii_uppercase).collect();
     let whole = match &value[..] {
+        _ if taught.is_some() => taught.map_or(Whole::Unknown, Whole::Taught),
         b"LPOS" => Whole::Position,
         b"LPOS-LPOS" => Whole::Zero,
         _ => {
@@ -331,6 +331,18 @@ fn position_register(rest: &[u8]) -> StatementKind<'_> {
         }
     };
     StatementKind::PositionRegister(indices, whole)
+}
+
+/// `9,1:x`, `9:home`: the index of a position register, and that of an element.
+pub(super) fn register_and_element(within: &[u8]) -> (&[u8], Option<&[u8]>) {
+    // A comment ends the indices, and may have commas.
+    let indices = index(within);
+    let mut depth = 0_i32;
+    let comma = indices.iter().position(|b| {
+        depth += i32::from(*b == b'[') - i32::from(*b == b']');
+        depth == 0 && *b == b','
+    });
+    comma.map_or((indices, None), |at| (&indices[..at], Some(&indices[at + 1..])))
 }
 
 /// `(…) THEN`, `…,statement`
@@ -478,53 +490,75 @@ pub struct NamedPosition<'a> {
     pub is_assigned: bool,
 }
 
-/// The positions that a statement names, without those to which it moves.
+/// The positions that a statement names, without those to which it moves, and without the position that becomes the value of a position register
+/// (`PR[1]=P[4]`): a run tells what becomes of that.
 ///
 /// # Examples
 /// ```
 /// use deflex_lang::tp::{kind, lines, positions_named};
 ///
-/// let text = b"1:PR[1]=P[4] ;\n";
+/// let text = b"1:PR[1,3]=P[4,3] ;\n";
 /// let lines = lines::statements(text, 0..text.len());
 /// let named = positions_named(&lines[0], &kind(&lines[0]));
 /// assert_eq!((named[0].index, named[0].is_assigned), (&b"4"[..], false));
 /// ```
 #[must_use]
 pub fn positions_named<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -> Vec<NamedPosition<'a>> {
-    let text = &line.text[..];
-    if matches!(kind, StatementKind::Mark(_))
-        || text.starts_with(b"!")
-        || text.starts_with(b"//")
-        || text.starts_with(b"--")
-    {
-        return Vec::new();
-    }
-    let mut skip = match kind {
-        StatementKind::Motion(motion) => 1 + usize::from(motion.via.is_some()),
+    let is_position = |point| matches!(point, motion::Point::Position(_));
+    let skip = match kind {
+        StatementKind::Motion(motion) => motion.via.into_iter().chain([motion.end]).filter(|p| is_position(*p)).count(),
+        StatementKind::PositionRegister(register, Whole::Taught(_)) if count(register).is_some() => 1,
         _ => 0,
     };
-    if let StatementKind::Motion(motion) = kind {
-        let register = |point| matches!(point, motion::Point::RunTime(_));
-        skip -= usize::from(register(motion.end)) + usize::from(motion.via.is_some_and(register));
-    }
-    let mut found = Vec::new();
-    for at in memchr::memmem::find_iter(&text.to_ascii_uppercase(), b"P[") {
-        let letter =
-            at.checked_sub(1).is_some_and(|before| text[before].is_ascii_alphanumeric() || text[before] == b'_');
-        if letter {
-            continue;
-        }
-        match brackets(&text[at + 1..]) {
-            Ok(_) if skip > 0 => skip -= 1,
-            Ok((rest, within)) => {
-                let index = index(within).split(|b| *b == b',').next().unwrap_or_default();
-                found.push(NamedPosition { index, is_assigned: rest.trim_ascii_start().starts_with(b"=") });
-            }
-            // Without the end of its index it may be any position.
-            Err(_) => found.push(NamedPosition { index: b"R[0]", is_assigned: false }),
-        }
-    }
-    found
+    let named = |(within, rest): (&'a [u8], &'a [u8])| NamedPosition {
+        index: index(within).split(|b| *b == b',').next().unwrap_or_default(),
+        is_assigned: rest.trim_ascii_start().starts_with(b"="),
+    };
+    bracketed(line, b"P[").skip(skip).map(named).collect()
+}
+
+/// The indices of the position registers on whose values something depends that a statement does; not those of the register to which it moves, and of
+/// one to whose element it adds something (`PR[1,3]=PR[1,3]+50`).
+pub(super) fn registers_used<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -> Vec<&'a [u8]> {
+    let skip = match kind {
+        StatementKind::Motion(motion) => usize::from(motion.moves_to_register().is_some()),
+        StatementKind::PositionRegister(..) => 1,
+        StatementKind::Element(register, element, value) => 1 + usize::from(is_sum_with(value, register, element)),
+        _ => 0,
+    };
+    bracketed(line, b"PR[").skip(skip).map(|(within, _)| register_index(within)).collect()
+}
+
+/// The index of a position register, without its motion group and element.
+fn register_index(within: &[u8]) -> &[u8] {
+    // A register has the positions of all groups.
+    let within = of_first_group(within).unwrap_or(within);
+    let grouped = within.len() > 2 && within[..2].eq_ignore_ascii_case(b"GP");
+    let own = within.iter().position(|b| *b == b':').filter(|_| grouped).map_or(within, |at| &within[at + 1..]);
+    register_and_element(own).0
+}
+
+/// Whether a value is an element of a position register, plus or minus something.
+fn is_sum_with(value: &[u8], register: &[u8], element: &[u8]) -> bool {
+    let Ok((rest, (_, within))) = (keyword("PR"), brackets).parse(value.trim_ascii()) as Parsed<'_, _> else {
+        return false;
+    };
+    let (own, own_element) = register_and_element(of_first_group(within).unwrap_or_default());
+    let is_same = |a, b| count(a).is_some() && count(a) == count(b);
+    let is_sum = rest.trim_ascii_start().first().is_none_or(|b| matches!(b, b'+' | b'-'));
+    let adds = is_sum && !rest.iter().any(|b| matches!(b, b'<' | b'>' | b'='));
+    adds && is_same(own, register) && own_element.is_some_and(|own| is_same(own, element))
+}
+
+/// The texts in the brackets after a name in a statement, each with the text after it. An index without an end may be any.
+fn bracketed<'a>(line: &'a Line<'_>, name: &'static [u8]) -> impl Iterator<Item = (&'a [u8], &'a [u8])> {
+    let text = &line.text[..];
+    let is_remark = [&b"!"[..], b"//", b"--"].iter().any(|sign| text.starts_with(sign));
+    let upper = if is_remark { Vec::new() } else { text.to_ascii_uppercase() };
+    let is_word = |at: &usize| !at.checked_sub(1).is_some_and(|b| text[b].is_ascii_alphanumeric() || text[b] == b'_');
+    let found: Vec<usize> = memchr::memmem::find_iter(&upper, name).filter(is_word).collect();
+    let within = move |at: usize| brackets(&text[at + name.len() - 1..]).map(|(rest, within)| (within, rest));
+    found.into_iter().map(move |at| within(at).unwrap_or((b"R[0]", b"")))
 }
 
 #[cfg(test)]
@@ -545,7 +579,8 @@ mod tests {
         assert_eq!(is("PR[R[1:n],3:a,b]=(-2.5)"), StatementKind::Element(b"R[1:n]", b"3", b"(-2.5)"));
         assert_eq!(is("PR[9:a,1]=LPOS"), StatementKind::PositionRegister(b"9", Whole::Position));
         assert_eq!(is("PR[9]=PR[9:a]-PR[9]"), StatementKind::PositionRegister(b"9", Whole::Zero));
-        for anything in ["PR[9]=PR[8]-PR[9]", "PR[9]=PR[9]", "PR[9]=JPOS", "PR[9]=P[1]"] {
+        assert_eq!(is("PR[9]=P[1:a]"), StatementKind::PositionRegister(b"9", Whole::Taught(1)));
+        for anything in ["PR[9]=PR[8]-PR[9]", "PR[9]=PR[9]", "PR[9]=JPOS", "PR[9]=P[R[1]]", "PR[9]=P[1]+PR[1]"] {
             assert_eq!(is(anything), StatementKind::PositionRegister(b"9", Whole::Unknown), "{anything}");
         }
         assert_eq!(is("PR[GP2:9,1]=5"), StatementKind::Plain);
@@ -596,12 +631,46 @@ mod tests {
             named.into_iter().map(|named| (named.index.to_vec(), named.is_assigned)).collect::<Vec<_>>()
         };
         let index = |text: &str, is_assigned| vec![(text.as_bytes().to_vec(), is_assigned)];
-        assert_eq!(named("PR[1]=P[2:a]"), index("2", false));
+        assert_eq!(named("PR[1]=P[2:a]"), []);
+        assert_eq!(named("PR[R[1]]=P[2:a]"), index("2", false));
+        assert_eq!(named("PR[1]=P[2:a]+PR[3]"), index("2", false));
+        assert_eq!(named("IF DI[1]=ON,PR[1]=P[2]"), index("2", false));
         assert_eq!(named("P[2:a] = PR[1]"), index("2", true));
         assert_eq!(named("P[R[1],3]=5"), index("R[1]", true));
         assert_eq!(named("L P[1] 5mm/sec FINE"), []);
         assert_eq!(named("L P[1] 5mm/sec FINE TB .1sec,CALL X(P[4])"), index("4", false));
         assert_eq!(named("!P[1]"), []);
         assert_eq!(named("UP[1]=0"), []);
+    }
+
+    #[test]
+    fn position_registers_on_which_something_depends_are_found() {
+        for (text, used) in [
+            ("PR[1]=P[2]", &[][..]),
+            ("PR[1,3]=PR[1,3]+50", &[]),
+            ("PR[1,3]=PR[1,3:z]-R[5]*2", &[]),
+            ("PR[1,3]=50", &[]),
+            ("L PR[1] 5mm/sec FINE", &[]),
+            ("!PR[1]", &[]),
+            ("PR[1,3]=PR[1,2]+50", &["1"]),
+            ("PR[1,3]=PR[1,3]*2", &["1"]),
+            ("PR[1,3]=PR[1,3]+PR[2,3]", &["2"]),
+            ("PR[R[1],3]=PR[R[1],3]+1", &["R[1]"]),
+            ("PR[1]=PR[GP1:2]", &["2"]),
+            ("PR[1]=PR[GP2:3,1]", &["3"]),
+            ("L PR[1] 5mm/sec FINE Offset,PR[2:b]", &["2"]),
+            ("L P[1] 5mm/sec FINE Offset,PR[2]", &["2"]),
+            ("C P[1] PR[3] 5mm/sec FINE", &["3"]),
+            ("A PR[3] 5mm/sec FINE", &["3"]),
+            ("R[1]=PR[3,1]", &["3"]),
+            ("UFRAME[1]=PR[R[2]]", &["R[2]"]),
+            ("IF DI[1]=ON,PR[1]=P[2]", &["1"]),
+            ("CALL SUB(PR[4])", &["4"]),
+            ("P[1]=PR[4", &["R[0]"]),
+        ] {
+            let line = Line { text: text.as_bytes().into(), span: crate::Span::default(), line: 1 };
+            let used: Vec<&[u8]> = used.iter().map(|index| index.as_bytes()).collect();
+            assert_eq!(registers_used(&line, &of(text.as_bytes(), true)), used, "{text}");
+        }
     }
 }

@@ -4,7 +4,7 @@ use super::expression::{Expression, Operator, Path, PathStep};
 use super::names;
 use super::run::Runner;
 use super::symbols::Id;
-use super::value::{Literal, Name, REST, Selector, Value, chained, flat};
+use super::value::{Literal, Name, POSE, REST, Selector, Value, chained, flat};
 use crate::Reason;
 use deflex_lang::ir::Binary;
 use deflex_lang::run::binary;
@@ -51,6 +51,12 @@ impl<'a> Runner<'a> {
         self.pinned.extend(value.tokens());
     }
 
+    /// Pins all numbers of a position other than X, Y and Z.
+    fn pin_angles(&mut self, position: &Value) {
+        let Value::Record(fields) = position else { return };
+        fields.iter().filter(|(name, _)| !POSE[..3].contains(&&name[..])).for_each(|(_, part)| self.pin(part));
+    }
+
     /// Sets the value at a path. If the path is not known, its numbers must not be edited.
     pub(super) fn put(&mut self, whole: &mut Value, path: &[Selector], value: Value) {
         whole.set(path, value, &mut self.pinned);
@@ -84,10 +90,14 @@ impl<'a> Runner<'a> {
                         self.pin(&other);
                         return sum;
                     }
-                    self.pin(&value);
                     self.pin(&other);
+                    if let Some(pose) = chained(&value, &other).filter(|_| matches!(operator, Operator::Frame)) {
+                        self.pin_angles(&value);
+                        return pose;
+                    }
+                    self.pin(&value);
                     match operator {
-                        Operator::Frame => chained(&value, &other).unwrap_or(Value::unknown(Reason::ChainOfUnknown)),
+                        Operator::Frame => Value::unknown(Reason::ChainOfUnknown),
                         Operator::Other(Binary::Divide) if is_real => quotient(&value, &other),
                         Operator::Other(operator) => operate(*operator, &value, &other),
                     }
@@ -201,13 +211,12 @@ impl<'a> Runner<'a> {
 
 /// The sum or difference of a number that depends on a literal, and another number; `None` for anything else.
 fn sum(operator: Operator, number: &Value, other: &Value) -> Option<Value> {
-    let (Value::Number(value, Some(literal)), by) = (number, other.number()?) else { return None };
     let by = match operator {
-        Operator::Other(Binary::Add) => by,
-        Operator::Other(Binary::Subtract) => -by,
+        Operator::Other(Binary::Add) => other.number()?,
+        Operator::Other(Binary::Subtract) => -other.number()?,
         _ => return None,
     };
-    Some(Value::Number(value + by, Some(Literal { offset: literal.offset + by, ..*literal })))
+    number.moved(number.number()? + by)
 }
 
 /// The quotient of two numbers of which one is a REAL. That of two INT is [`operate`]d, because it has no decimals.

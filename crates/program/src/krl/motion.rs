@@ -279,7 +279,10 @@ impl Runner<'_> {
             let own = value.component(name);
             let component = own.or_else(|| before.component(name));
             let Some(Value::Number(number, at)) = component else {
-                self.hold_position_before();
+                // A component that is unknown may be missing if the program leaves components out.
+                if own.is_none() || self.leaves_components_out {
+                    self.hold_position_before();
+                }
                 return Err(component.map_or(Reason::ComponentsMissing, why));
             };
             (found.numbers[i], found.literals[i]) = (*number, *at);

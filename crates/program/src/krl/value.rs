@@ -80,6 +80,12 @@ impl Value {
         if let Self::Number(value, _) = self { Some(*value) } else { None }
     }
 
+    /// The value of a number that depends on a literal, with a known number added; `None` for anything else.
+    pub(super) fn moved(&self, to: f64) -> Option<Self> {
+        let Self::Number(from, Some(literal)) = self else { return None };
+        Some(Self::Number(to, Some(Literal { offset: literal.offset + (to - from), ..*literal })))
+    }
+
     pub(super) fn bool(&self) -> Option<bool> {
         if let Self::Bool(value) = self { Some(*value) } else { None }
     }
@@ -311,7 +317,8 @@ pub(super) fn pose_record(numbers: [f64; 6]) -> Value {
     Value::record(POSE.into_iter().zip(numbers.map(|number| Value::Number(number, None))))
 }
 
-/// `a : b`: the pose `b` in the frame `a`. Other components of `b` stay.
+/// `a : b`: the pose `b` in the frame `a`. Other components of `b` stay. While the angles of `a` and the numbers of `b` stay, X, Y and Z are those
+/// of `a` plus known numbers.
 pub(super) fn chained(a: &Value, b: &Value) -> Option<Value> {
     let ([x, y, z, aa, ab, ac], [bx, by, bz, ba, bb, bc]) = (a.numbers(POSE)?, b.numbers(POSE)?);
     let (first, second) = (from_zyx_deg([aa, ab, ac]), from_zyx_deg([ba, bb, bc]));
@@ -319,6 +326,11 @@ pub(super) fn chained(a: &Value, b: &Value) -> Option<Value> {
     let [ra, rb, rc] = zyx_deg(&(first * second));
     let mut out = pose_record([at.x, at.y, at.z, ra, rb, rc]);
     if let (Value::Record(fields), Value::Record(more)) = (&mut out, b) {
+        for (name, value) in &mut Rc::make_mut(fields)[..3] {
+            if let Some(moved) = value.number().and_then(|to| a.component(name)?.moved(to)) {
+                *value = moved;
+            }
+        }
         let rest = more.iter().filter(|(name, _)| !POSE.contains(&&name[..]));
         Rc::make_mut(fields).extend(rest.cloned());
     }

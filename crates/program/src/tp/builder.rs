@@ -46,6 +46,7 @@ impl Visit<'_> {
         };
         match point {
             Point::Position(_) => Ok(number),
+            Point::Register(_) => Err(Reason::PositionRegister),
             Point::RunTime(why) => Err(why),
         }
     }
@@ -70,6 +71,8 @@ pub(super) struct Built {
     pub(super) points: Vec<Points>,
     /// Circle points that are not in the text.
     pub(super) between: Vec<Between>,
+    /// The statement of the first motion to a position of which the number is unknown.
+    pub(super) anywhere: Option<usize>,
     /// Motions without a target.
     pub(super) unknown: Vec<UnknownMotion>,
 }

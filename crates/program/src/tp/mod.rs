@@ -122,6 +122,7 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
     let built = builder::Builder::new(source, &code, &positions).build(&outcome);
     let mut diagnostics: Vec<Diagnostic> = not_read(source, &odd).into_iter().collect();
     diagnostics.extend(not_given(source, &code, &calls));
+    diagnostics.extend(built.anywhere.map(|at| may_go_anywhere(source, code.lines[at].span)));
     let mut kept = built.kept;
     odd.iter().for_each(|span| kept.keep(0, *span, Reason::PositionUnread));
     let literal_targets = positions.iter().filter(|position| matches!(position.body, Body::Pose(_))).count();
@@ -205,6 +206,13 @@ fn not_read(source: &Source, odd: &[Span]) -> Option<Diagnostic> {
     let warning = Diagnostic::error("ls.not-read", &source.name, message).at(source, *odd.first()?);
     let help = "expected P[n]{ GP1: UF : u, UT : t, CONFIG : '…', X = … mm, … R = … deg };";
     Some(warning.severity(Severity::Warning).help(help))
+}
+
+/// The note about the first motion to a position of which the number is unknown.
+fn may_go_anywhere(source: &Source, motion: Span) -> Diagnostic {
+    let message = "the register in this motion is known only at run time: the positions to which it may go are kept";
+    let note = Diagnostic::error("ls.any-position", &source.name, message).at(source, motion);
+    note.severity(Severity::Note).help("set the register in the program after calls of programs that may change it")
 }
 
 /// The warning about called programs that are not given, at the first of them.

@@ -6,11 +6,11 @@ use super::written::{DECIMALS, nearest};
 use super::{arcs, insert};
 use crate::front_end::Wanted;
 use crate::orientation::{from_zyx_deg, halfway, quaternion, rotation, zyx_deg};
-use crate::shared::{Agreed, agreed};
+use crate::shared::{Agreed, agreed, follows};
 use crate::token::{New, single};
 use crate::{Change, Conf, Editable, Goal, NO_TURN, Program, Reason, RewriteOptions, Rewritten};
 use deflex_text::{Content, Edit, Span, Token};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// New texts of the tokens of a position; `None` for a token that stays.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -35,8 +35,21 @@ impl Print {
 
 pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) -> Rewritten {
     let Wanted { inserts, options, .. } = wanted;
+    // The changes of positions: motions to one position may end at different distances from it.
+    let own = |(i, change): (usize, &Option<Change>)| {
+        let offset = layout.offset(program, i);
+        change.clone().map(|change| Change { position_mm: minus(change.position_mm, offset), ..change })
+    };
+    let changes: Vec<Option<Change>> = wanted.changes.iter().enumerate().map(own).collect();
+    let wanted = Wanted { changes: &changes, ..wanted };
     let Agreed { changes, along, .. } = agreed(program, &wanted, |i| layout.sites[i].into_iter().collect());
-    let mut writer = Writer { program, layout, options, along, frozen: BTreeSet::new() };
+    // A motion that a register moves with its position holds the position if it cuts, and otherwise its turn numbers: where the motion ends, they
+    // may be others.
+    let followers = (0..along.len()).filter(|i| follows(program.targets[*i].editable));
+    let (free, cutting): (Vec<usize>, Vec<usize>) = followers.partition(|i| along[*i]);
+    let frozen = cutting.into_iter().filter_map(|i| Some((layout.sites[i]?, Reason::MovedToo))).collect();
+    let followed = free.into_iter().filter_map(|i| layout.sites[i]).collect();
+    let mut writer = Writer { program, layout, options, along, frozen, followed };
     let (prints, mut kept) = loop {
         let (prints, kept) = writer.prints(&changes);
         if !writer.freeze(&kept) {
@@ -73,14 +86,39 @@ pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) ->
     out
 }
 
+fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|at| a[at] - b[at])
+}
+
+impl Layout {
+    /// The distance from its position at which a motion ends, mm (`Offset,PR[1]`).
+    fn offset(&self, program: &Program, i: usize) -> [f64; 3] {
+        match (program.targets[i].goal, self.sites[i].and_then(|site| self.pose(site))) {
+            (Goal::Pose { position_mm, .. }, Some(Pose { values: [x, y, z, ..], .. })) => {
+                minus(position_mm, [*x, *y, *z])
+            }
+            _ => [0.0; 3],
+        }
+    }
+
+    fn pose(&self, site: u32) -> Option<&Pose> {
+        match &self.positions.get(site as usize)?.body {
+            Body::Pose(pose) => Some(pose),
+            _ => None,
+        }
+    }
+}
+
 struct Writer<'a> {
     program: &'a Program,
     layout: &'a Layout,
     options: &'a RewriteOptions<'a>,
     /// Whether each target goes where its position goes, without a wish of its own.
     along: Vec<bool>,
-    /// Positions that must stay because another point of their arc must.
-    frozen: BTreeSet<u32>,
+    /// Positions that must stay because another motion or another point of their arc must, with the reason.
+    frozen: BTreeMap<u32, Reason>,
+    /// Positions with which motions move that end elsewhere.
+    followed: BTreeSet<u32>,
 }
 
 impl Writer<'_> {
@@ -91,7 +129,7 @@ impl Writer<'_> {
         let mut wishes: Vec<(usize, u32, Result<Print, Reason>)> = Vec::new();
         for (i, (site, change)) in self.layout.sites.iter().zip(changes).enumerate().filter(|(i, _)| !self.along[*i]) {
             let target = &self.program.targets[i];
-            let pose = site.and_then(|site| Some((site, self.pose(site)?)));
+            let pose = site.and_then(|site| Some((site, self.layout.pose(site)?)));
             let wish = match (target.editable, pose, change) {
                 (Editable::Pose, Some((site, pose)), change) => {
                     let print =
@@ -115,11 +153,11 @@ impl Writer<'_> {
             }
         }
         for (i, site, wish) in wishes {
-            let frozen = self.frozen.contains(&site);
-            if refused.contains(&site) || frozen {
+            let frozen = self.frozen.get(&site).copied();
+            if refused.contains(&site) || frozen.is_some() {
                 prints[site as usize] = None;
                 if changes[i].as_ref().is_some_and(|change| self.differs(i, change)) {
-                    kept.push((i, wish.err().unwrap_or(if frozen { Reason::Arc } else { Reason::SharedNumbers })));
+                    kept.push((i, wish.err().or(frozen).unwrap_or(Reason::SharedNumbers)));
                 }
             }
         }
@@ -135,23 +173,20 @@ impl Writer<'_> {
         let points = &self.layout.points;
         for &(i, _) in kept {
             let arc = points[points.partition_point(|arc| arc.end <= i)..].first().filter(|arc| arc.contains(&i));
-            self.frozen.extend(arc.into_iter().flat_map(|arc| self.layout.sites[arc.clone()].iter().flatten()));
+            let sites = arc.into_iter().flat_map(|arc| self.layout.sites[arc.clone()].iter().flatten());
+            for site in sites {
+                self.frozen.entry(*site).or_insert(Reason::Arc);
+            }
         }
         self.frozen.len() > count
     }
 
-    fn pose(&self, site: u32) -> Option<&Pose> {
-        match &self.layout.positions.get(site as usize)?.body {
-            Body::Pose(pose) => Some(pose),
-            _ => None,
-        }
-    }
-
     /// Whether a change differs from the present numbers.
     fn differs(&self, i: usize, change: &Change) -> bool {
-        let goal = &self.program.targets[i].goal;
-        let conf = if let Goal::Pose { conf, .. } = goal { *conf } else { None };
-        change.differs(goal) || change.conf.is_some() && change.conf != conf
+        let Goal::Pose { position_mm, quat, conf } = self.program.targets[i].goal else { return true };
+        let own = minus(position_mm, self.layout.offset(self.program, i));
+        let is_other = change.differs(&Goal::Pose { position_mm: own, quat, conf });
+        is_other || change.conf.is_some() && change.conf != conf
     }
 
     /// New tokens of a position for the change of one motion.
@@ -175,6 +210,9 @@ impl Writer<'_> {
             print.turned = true;
         }
         if let (Some(Conf::Turns(wanted)), Some(written)) = (change.conf, pose.config) {
+            if self.layout.sites[i].is_some_and(|site| self.followed.contains(&site)) {
+                return Err(Reason::TurnsChange);
+            }
             self.turns(&mut print, written, wanted.posture, wanted.turns)?;
         }
         Ok(print)
@@ -199,11 +237,12 @@ impl Writer<'_> {
         };
         let Some(site) = self.layout.sites[i] else { return (position_mm, quat) };
         let print = prints[site as usize].as_ref();
-        let Some(values) = print.map(|print| print.values).or_else(|| Some(self.pose(site)?.values)) else {
+        let Some(values) = print.map(|print| print.values).or_else(|| Some(self.layout.pose(site)?.values)) else {
             return (position_mm, quat);
         };
         let [x, y, z, w, p, r] = values.map(single);
+        let [dx, dy, dz] = self.layout.offset(self.program, i);
         let turned = print.is_some_and(|print| print.turned);
-        ([x, y, z], if turned { quaternion(&from_zyx_deg([r, p, w])) } else { quat })
+        ([x + dx, y + dy, z + dz], if turned { quaternion(&from_zyx_deg([r, p, w])) } else { quat })
     }
 }

@@ -6,13 +6,14 @@ use super::position::{Body, Number, Pose, Position};
 use crate::EXTERNAL_AXES;
 use crate::lowered::intern;
 use crate::orientation::{from_zyx_deg, quaternion};
+use crate::shared::follows;
 use crate::{
     Conf, Editable, ExternalAxes, Goal, GroupAxis, Mark, Motion as Path, Predecessor, Reason, Role, Target, Tool,
     ToolData, Wobj, WobjData,
 };
 use deflex_lang::ir;
 use deflex_lang::run::Outcome;
-use deflex_lang::tp::{self, Defined, Frame, Held, Motion, Speed, StatementKind};
+use deflex_lang::tp::{self, Defined, Frame, Held, Motion, Point, Speed, StatementKind};
 use nalgebra::Isometry3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -69,6 +70,14 @@ impl<'a> Builder<'a> {
             Some((at, false)) => Ok(*at),
             Some((_, true)) => Err(Reason::PositionTwice),
             None => Err(Reason::PositionMissing),
+        }
+    }
+
+    /// The position to which a motion goes, or from which the position register comes to which it goes.
+    fn comes_from(&self, visit: &Visit<'_>, role: Role) -> Result<usize, Reason> {
+        match (visit.number(role), &visit.held.origins()[..]) {
+            (Err(Reason::PositionRegister), [origin]) => Ok(origin.0 as usize),
+            (number, _) => self.position(number?),
         }
     }
 
@@ -136,8 +145,14 @@ impl<'a> Builder<'a> {
         for number in visit.roles().iter().filter_map(|role| visit.number(*role).ok()) {
             match number {
                 Some(_) => self.freeze(number, Reason::MovedToo),
-                None => self.freeze_where_it_may_go(visit.held),
+                None => {
+                    self.built.anywhere.get_or_insert(visit.at);
+                    self.freeze_where_it_may_go(visit.held);
+                }
             }
+        }
+        for origin in visit.held.origins() {
+            self.frozen.entry(origin.0 as usize).or_insert(Reason::PositionNamed);
         }
         self.unknown(visit.at, why);
     }
@@ -145,15 +160,20 @@ impl<'a> Builder<'a> {
     /// The target for a point of a motion; `Err` has the reason if its place is unknown.
     pub(super) fn point(&mut self, visit: &Visit<'_>, role: Role) -> Result<(Target, EditablePosition), Reason> {
         let motion = visit.motion;
-        let number = visit.number(role)?;
-        let known = self.position(number)?;
+        let known = self.comes_from(visit, role)?;
+        let position = &self.positions[known];
         // The program may have given it another value, in this cycle or in the one before.
-        if self.assigned.contains(&number) || self.assigned.contains(&None) {
+        if self.assigned.contains(&Some(position.number)) || self.assigned.contains(&None) {
             return Err(Reason::PositionNamed);
         }
-        let position = &self.positions[known];
         let spline = motion.moved.filter(|_| stays_at_its_point(motion));
-        if let Some(why) = motion.moved.filter(|_| spline.is_none()) {
+        // The register may also move external axes.
+        let is_alone = position.external == [None; EXTERNAL_AXES] && position.groups.is_empty();
+        let offset = visit.held.offset_mm().filter(|_| is_alone && motion.shifted().is_some());
+        let shifted = motion.shifted().filter(|_| offset.is_none());
+        let follows = matches!(position.body, Body::Pose(_));
+        let is_known = spline.is_some() || (offset.is_some() || shifted.is_some()) && follows;
+        if let Some(why) = motion.moved.or(shifted).filter(|_| !is_known) {
             return Err(why);
         }
         if let Some(why) = visit.held.displaced() {
@@ -164,15 +184,20 @@ impl<'a> Builder<'a> {
         }
         let (goal, frames, site, why) = match &position.body {
             Body::None(why) => return Err(*why),
-            Body::Pose(pose) => (goal(pose), pose.frames, Some(known as u32), spline),
+            Body::Pose(pose) => (goal(pose, offset.unwrap_or_default()), pose.frames, Some(known as u32), spline),
             Body::Joints { deg, frames } => (Goal::Joints { deg: *deg }, *frames, None, Some(Reason::Joints)),
         };
         let mark = visit.held.mark();
-        let why = why.or(mark.err()).or(self.all_frozen);
+        let why = why.or(mark.err()).or(self.all_frozen).or(shifted);
         let mark = match mark {
             Ok(Some(b"air")) => Some(Mark::Air),
             Ok(Some(b"cut")) => Some(Mark::Cut),
             _ => None,
+        };
+        let (frames, name) = match motion.end {
+            // A position register names no frames.
+            Point::Register(index) => ([Number::Selected; 2], format!("PR[{}]", String::from_utf8_lossy(index))),
+            _ => (frames, format!("P[{}]", position.number)),
         };
         let frames = self.frames(frames, visit.held)?;
         let path = match (motion.path, &goal) {
@@ -195,8 +220,9 @@ impl<'a> Builder<'a> {
             }),
             mark,
             editable: why.map_or(Editable::Pose, Editable::No),
+            located: shifted.is_none(),
             external: self.external(position, motion),
-            name: Some(format!("P[{}]", position.number).into()),
+            name: Some(name.into()),
             ..Target::new(ordinal, path, goal, frames, place, number)
         };
         Ok((target, site))
@@ -254,18 +280,23 @@ impl<'a> Builder<'a> {
     /// Keeps the targets whose numbers must not be edited because of other uses.
     fn hold_what_others_use(&mut self, outcome: &Outcome) {
         let built = &mut self.built;
+        let is_copied = |site: u32| {
+            let own = tp::Whole::Taught(self.positions[site as usize].number);
+            self.code.kinds.iter().any(|kind| matches!(kind, StatementKind::PositionRegister(_, of) if *of == own))
+        };
         for (target, site) in built.targets.iter_mut().zip(&built.sites) {
             let Some(site) = site else { continue };
             if outcome.used.contains_key(&ir::TokenId(*site)) {
-                refuse(target, Reason::CountedFrom);
+                refuse(target, if is_copied(*site) { Reason::PositionNamed } else { Reason::CountedFrom });
             }
             if let Some(why) = self.frozen.get(&(*site as usize)).copied().or(self.all_frozen) {
                 refuse(target, why);
             }
         }
-        // A target that must stay fixes its numbers for all motions that use them.
+        // A target that must stay fixes its numbers for all motions that use them. Whether one that moves with them may do so is known when
+        // the corrections are.
         let mut held: BTreeMap<u32, Reason> = BTreeMap::new();
-        for (target, site) in built.targets.iter().zip(&built.sites) {
+        for (target, site) in built.targets.iter().zip(&built.sites).filter(|(target, _)| !follows(target.editable)) {
             if let (Editable::No(why), Some(site)) = (target.editable, site) {
                 held.entry(*site).or_insert(why);
             }
@@ -306,10 +337,10 @@ fn stays_at_its_point(motion: &Motion<'_>) -> bool {
 }
 
 /// A pose from X, Y, Z and W, P, R, which are turns about the fixed axes x, y, z.
-fn goal(pose: &Pose) -> Goal {
+fn goal(pose: &Pose, [dx, dy, dz]: [f64; 3]) -> Goal {
     let [x, y, z, w, p, r] = pose.values;
     Goal::Pose {
-        position_mm: [x, y, z],
+        position_mm: [x + dx, y + dy, z + dz],
         quat: quaternion(&from_zyx_deg([r, p, w])),
         conf: pose.config.map(|config| Conf::Turns(config.config)),
     }
