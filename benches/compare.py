@@ -265,6 +265,7 @@ PATH_LAW = """
 zone_share = 0.87
 smoothing_s = [0.058, 0.058]
 acceleration_mm_s2 = 8000.0
+passing_acceleration_mm_s2 = 16000.0
 corner_acceleration_mm_s2 = 4000.0
 """
 

@@ -7,7 +7,7 @@ use deflex::correct::{Course, Options, Prepared};
 use deflex::drive::{DriveError, FittedLaw, Log, LogError, PathLaw, WayOfTurning, Waypoint, arc_turn, fit_law};
 use deflex::identify::{self, Identification, Input, MeasuredRun, Progress, Written};
 use deflex::measured::{ColumnNames, Forces, Table};
-use deflex::program::{ArcTurn, Program, Role};
+use deflex::program::{ArcTurn, Language, Program, Role};
 use deflex::report::html::identification_page;
 use deflex::report::{Origin, VERSION};
 use deflex::text::{Diagnostic, Source};
@@ -251,10 +251,19 @@ pub fn identify_path(
     // The log has the angles of the motors. Forces deflect the arm, but do not change the path along which the
     // controller leads the motors.
     let options = Options { tool: tool.map(str::to_owned), forces: Some(Forces::none()), ..Options::default() };
+    if let Some((_, twice)) = logs
+        .iter()
+        .enumerate()
+        .find(|(i, (_, log))| logs[..*i].iter().any(|(_, other)| other.source.bytes == log.source.bytes))
+    {
+        let message = "this log is given twice: the second would judge a law that was fitted to it".to_owned();
+        let error = Diagnostic::error("log.program", &twice.1.source.name, message);
+        return Err(error.help("give each log once").into());
+    }
     let mut read = all(logs.iter().map(read))?;
     let course = |(program, _): &(Program, Log)| {
         let prepared = Prepared::new(program, &cell.cell, &options).map_err(|errors| cell.own(errors))?;
-        Ok(Course::new(program, &cell.cell, &prepared).map_err(|errors| cell.own(errors))?.waypoints)
+        Course::with_assumed_zone(program, &cell.cell, &prepared, ASSUMED_ZONE).map_err(|errors| cell.own(errors))
     };
     let fault = |error: LogError| vec![log_error(error, logs)];
     let mut turn = None;
@@ -277,15 +286,21 @@ pub fn identify_path(
         turned(&mut read, turn);
     }
     let courses = all(read.iter().map(course))?;
+    let is_assumed = courses.iter().any(|course| course.unstated > 0);
     let declared = cell.cell.controller.path.map_or(PathLaw::TYPICAL, |path| path.law);
     let mut found = fit_law(robot, &runs(&courses, &read), &declared.axis_acceleration).map_err(fault)?;
     found.arc_turn = turn;
+    found.assumed_zone = is_assumed.then_some(ASSUMED_ZONE);
     Ok(found)
 }
 
+/// Radius with which zones count while a law is fitted, if neither the program nor the cell states one (FANUC `CNT`, `C_DIS` without
+/// `$APO`), m. Only its product with the zone share, which is fitted, has an influence.
+const ASSUMED_ZONE: f64 = 1e-3;
+
 /// The waypoints of each program with its log.
-fn runs<'a>(courses: &'a [Vec<Waypoint>], read: &'a [(Program, Log)]) -> Vec<(&'a [Waypoint], &'a Log)> {
-    courses.iter().zip(read).map(|(waypoints, (_, log))| (&waypoints[..], log)).collect()
+fn runs<'a>(courses: &'a [Course], read: &'a [(Program, Log)]) -> Vec<(&'a [Waypoint], &'a Log)> {
+    courses.iter().zip(read).map(|(course, (_, log))| (&course.waypoints[..], log)).collect()
 }
 
 /// The message for a log that cannot be used.
@@ -316,6 +331,10 @@ fn log_error(error: LogError, logs: &[(ProgramFiles, MeasuredFile)]) -> Diagnost
             (i, "check that the log is of this program, of this robot, and in degrees as the pendant shows them")
         }
         LogError::Path(i, _) => (i, "check the cell's robot, tool and work object"),
+        LogError::Slow { log, .. } if logs[log].0.language() == Language::Ls => (
+            log,
+            "record the axes with the speed override at 100 %, and use CNT100: below, the robot brakes before each corner",
+        ),
         LogError::Slow { log, .. } => (log, "record the axes with the speed override at 100 %"),
     };
     Diagnostic::error("log.program", file(at), message).help(help)

@@ -177,9 +177,13 @@ pub fn with_path_law(text: &str, found: &FittedLaw) -> Result<String, Vec<Diagno
         let rounded = |value: f64| format!("{value:.3e}").parse().unwrap_or(value);
         let numbers = |values: &[f64]| Item::Value(Value::Array(values.iter().map(|v| float(rounded(*v))).collect()));
         path.insert("zone_share", Item::Value(float(rounded(law.zone_share))));
+        if let Some(radius) = found.assumed_zone {
+            path.insert("zone_mm", Item::Value(float(rounded(1e3 * radius))));
+        }
         path.insert("smoothing_s", numbers(&law.smoothing));
         path.insert("axis_lead_s2", numbers(law.axis_lead.as_slice()));
         path.insert("acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.acceleration))));
+        path.insert("passing_acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.passing_acceleration))));
         path.insert("corner_acceleration_mm_s2", Item::Value(float(rounded(1e3 * law.corner_acceleration))));
         path.insert("lag_s", numbers(law.lag.as_slice()));
         path.insert("stop_s", Item::Value(float(rounded(law.stop))));

@@ -105,6 +105,7 @@ pub(super) struct ControllerPath {
     pub(super) zone_share: f64,
     pub(super) smoothing_s: Option<[f64; 2]>,
     pub(super) acceleration_mm_s2: Option<f64>,
+    pub(super) passing_acceleration_mm_s2: Option<f64>,
     pub(super) corner_acceleration_mm_s2: Option<f64>,
     #[serde(default)]
     pub(super) axis_lead_s2: [f64; 6],

@@ -419,8 +419,8 @@ fn controller(check: &mut Check, raw: Option<&raw::Controller>) -> Controller {
 fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerPath {
     let positive = [
         ("controller.path.zone_share", &[keys.zone_share][..]),
-        ("controller.path.smoothing_s", keys.smoothing_s.as_ref().map_or(&[], <[f64; 2]>::as_slice)),
         ("controller.path.acceleration_mm_s2", keys.acceleration_mm_s2.as_slice()),
+        ("controller.path.passing_acceleration_mm_s2", keys.passing_acceleration_mm_s2.as_slice()),
         ("controller.path.corner_acceleration_mm_s2", keys.corner_acceleration_mm_s2.as_slice()),
         (
             "controller.path.axis_acceleration_deg_s2",
@@ -431,12 +431,14 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
         check.positive(key, values);
     }
     let times = keys.smoothing_s.iter().flatten().chain(&keys.lag_s).chain([&keys.stop_s]);
-    if times.copied().any(|seconds| seconds.abs() > SLOWEST_S) || keys.stop_s < 0.0 {
+    let lasting = keys.smoothing_s.iter().flatten().chain([&keys.stop_s]);
+    if times.copied().any(|seconds| seconds.abs() > SLOWEST_S) || lasting.copied().any(|seconds| seconds < 0.0) {
         let message = format!(
-            "[controller.path] smoothing_s, lag_s and stop_s are at most {SLOWEST_S} s, and stop_s is not negative"
+            "[controller.path] smoothing_s, lag_s and stop_s are at most {SLOWEST_S} s, and smoothing_s and stop_s are not negative"
         );
         check.error("controller.path", message, "these are seconds: 58 ms are 0.058");
     }
+    check.finite("controller.path.smoothing_s", keys.smoothing_s.as_ref().map_or(&[], <[f64; 2]>::as_slice));
     check.finite("controller.path.axis_lead_s2", &keys.axis_lead_s2);
     check.finite("controller.path.lag_s", &keys.lag_s);
     check.finite("controller.path.stop_s", &[keys.stop_s]);
@@ -454,6 +456,10 @@ fn controller_path(check: &mut Check, keys: &raw::ControllerPath) -> ControllerP
             smoothing: keys.smoothing_s.unwrap_or(PathLaw::AS_WRITTEN.smoothing),
             axis_lead: keys.axis_lead_s2.into(),
             acceleration: keys.acceleration_mm_s2.map_or(f64::INFINITY, |limit| 1e-3 * limit),
+            passing_acceleration: keys
+                .passing_acceleration_mm_s2
+                .or(keys.acceleration_mm_s2)
+                .map_or(f64::INFINITY, |limit| 1e-3 * limit),
             corner_acceleration: keys.corner_acceleration_mm_s2.map_or(f64::INFINITY, |limit| 1e-3 * limit),
             axis_acceleration: keys
                 .axis_acceleration_deg_s2

@@ -7,7 +7,7 @@ use super::solve::controller_motor;
 use super::{Prepared, RAPID_MM_S, frames};
 use deflex_cell::Cell;
 use deflex_drive::{DriveError, Lead, PathLaw, SAMPLE_S, Waypoint, drive};
-use deflex_program::{Passing, Program, Target};
+use deflex_program::{Passing, Program, Target, Wait};
 use deflex_robot::Pose;
 use deflex_text::{Diagnostic, Severity};
 use nalgebra::Vector3;
@@ -37,8 +37,10 @@ pub struct Course {
     pub(super) first: usize,
     /// Speed of the last motion that has one, m/s.
     feed: Option<f64>,
-    /// Number of waypoints that the robot passes in a zone of unknown size: they count as stops.
-    pub(super) unstated: usize,
+    /// Number of waypoints that the robot passes in a zone of unknown size: they count as stops, unless a size is assumed.
+    pub unstated: usize,
+    /// Radius that zones without one in the program count with where the cell states none, m.
+    assumed_zone: Option<f64>,
     /// Lines and arcs of unknown speed: they get the speed of the motion before, or of the first one after them.
     without_speed: usize,
     /// Waypoints with a zone at which the controller stops, because the program waits; the word of the statement after the first one.
@@ -146,6 +148,22 @@ impl Course {
         Ok(course)
     }
 
+    /// The same, where zones count with this radius (m) if neither the program nor the cell states one.
+    ///
+    /// # Errors
+    /// As [`Course::new`].
+    pub fn with_assumed_zone(
+        program: &Program,
+        cell: &Cell,
+        prepared: &Prepared,
+        radius: f64,
+    ) -> Result<Self, Vec<Diagnostic>> {
+        let mut course = Self { assumed_zone: Some(radius), ..Self::default() };
+        course.extend(program, cell, prepared, 0)?;
+        course.end(program, cell);
+        Ok(course)
+    }
+
     /// Adds the ends of the motions of a program, or of its next chunk, whose own text begins at `from`. A zone at the last one may still
     /// turn out to be a stop.
     pub(super) fn extend(
@@ -155,7 +173,7 @@ impl Course {
         prepared: &Prepared,
         from: usize,
     ) -> Result<(), Vec<Diagnostic>> {
-        let unstated_zone = cell.controller.path.and_then(|path| path.zone);
+        let declared_zone = cell.controller.path.and_then(|path| path.zone);
         let mut before = None;
         let mut passing = Passing::Stop;
         for i in waypoint_targets(program) {
@@ -185,8 +203,8 @@ impl Course {
             if before.is_none_or(|before| !program.is_worded_like(before, i)) {
                 passing = program.passing(i);
             }
-            let zone = zone_of(passing, unstated_zone);
-            self.unstated += usize::from(passing == Passing::Unstated && unstated_zone.is_none());
+            let zone = zone_of(passing, declared_zone.or(self.assumed_zone));
+            self.unstated += usize::from(passing == Passing::Unstated && declared_zone.is_none());
             let setting = prepared.setting(i);
             let in_base = |pose: &Pose| setting.base_from_wobj * pose;
             let lead = match Kind::of(program, i) {
@@ -201,6 +219,7 @@ impl Course {
                 motor: point.motor,
                 feed,
                 zone,
+                wait: 0.0,
             };
             let waits = match before {
                 Some(before) => program.waits_between(before, i),
@@ -215,16 +234,17 @@ impl Course {
         Ok(())
     }
 
-    /// Looks at the waypoint before the last one, whose neighbours are known now. `waits` is the word of a statement between both at which
-    /// the controller waits.
-    fn look(&mut self, program: &Program, cell: &Cell, waits: Option<&'static str>) {
+    /// Looks at the waypoint before the last one, whose neighbours are known now. Between both, the program may wait.
+    fn look(&mut self, program: &Program, cell: &Cell, waits: Option<Wait>) {
         let Some(at) = self.waypoints.len().checked_sub(2) else { return };
         let (known, target) = (self.last.take(), self.targets[at]);
         let place = || known.clone().unwrap_or_else(|| program.error_at(&program.targets[target], "", ""));
         // The controller does not round a corner if it does not know the next motion in time.
-        if let Some(word) = waits.filter(|_| self.waypoints[at].zone.is_some()) {
-            self.waits.add(word, &place, |_, _| false);
-            self.waypoints[at].zone = None;
+        if let Some(wait) = waits {
+            if self.waypoints[at].zone.take().is_some() {
+                self.waits.add(wait.word, &place, |_, _| false);
+            }
+            self.waypoints[at].wait = wait.seconds;
         }
         if at == 0 {
             return;
@@ -281,7 +301,7 @@ impl Course {
                 let turn = prepared.points[i].arc_turn;
                 let lead = node.via.map_or(Lead::Line, |via| Lead::Arc { via: base_from_wobj * via, turn });
                 let base_from_tcp = base_from_wobj * node.commanded;
-                course.push(Waypoint { lead, base_from_tcp, motor, zone, ..*waypoint }, i, node.share);
+                course.push(Waypoint { lead, base_from_tcp, motor, zone, wait: 0.0, ..*waypoint }, i, node.share);
             }
             let lead = match waypoint.lead {
                 Lead::Arc { turn, .. } => Lead::Arc { via: base_from_wobj * commanded.poses[i - 1], turn },
@@ -437,8 +457,15 @@ impl Course {
         if !law.limits_axes() {
             return None;
         }
-        let PathLaw { smoothing, zone_share, acceleration, corner_acceleration, .. } = *law;
-        let unlimited = PathLaw { smoothing, zone_share, acceleration, corner_acceleration, ..PathLaw::AS_WRITTEN };
+        let PathLaw { smoothing, zone_share, acceleration, passing_acceleration, corner_acceleration, .. } = *law;
+        let unlimited = PathLaw {
+            smoothing,
+            zone_share,
+            acceleration,
+            passing_acceleration,
+            corner_acceleration,
+            ..PathLaw::AS_WRITTEN
+        };
         let samples = drive(&cell.arm.robot, &unlimited, &self.waypoints).ok()?;
         // For each segment the largest share of a limit, with its axis and acceleration.
         let mut worst: BTreeMap<usize, (f64, usize, f64)> = BTreeMap::new();

@@ -13,7 +13,7 @@ use super::segment::{Kind, Segment, waypoint_targets};
 use super::solve::Solver;
 use super::{Corrected, DrivenFigures, DrivenSummary, Options, PathDeviation, Prepared, Shared};
 use deflex_cell::Cell;
-use deflex_drive::{DriveError, DrivenSample, Driver, Lead, PathLaw};
+use deflex_drive::{DriveError, DrivenSample, Driver, Lead, PathLaw, Waypoint};
 use deflex_equilibrium::{Arm, Dragged, EquilibriumError, Setting, WarmStart};
 use deflex_program::Program;
 use deflex_robot::{Pose, Robot};
@@ -649,13 +649,13 @@ impl<'a> Follower<'a> {
         &mut self,
         known: &mut Prepared,
         chunk: &Prepared,
-        settled: Option<Option<f64>>,
+        settled: Option<Waypoint>,
         add: impl FnOnce(&mut Course),
     ) -> Result<impl Iterator<Item = usize>, FasterCut> {
         let DrivenMotion { course, feeds, .. } = &mut self.motion;
         feeds.extend(known, chunk)?;
-        if let Some((last, zone)) = course.waypoints.last_mut().zip(settled) {
-            last.zone = zone;
+        if let Some((last, settled)) = course.waypoints.last_mut().zip(settled) {
+            (last.zone, last.wait) = (settled.zone, settled.wait);
         }
         let (waypoints, points) = (course.waypoints.len(), known.points.len());
         add(course);

@@ -15,6 +15,7 @@ use super::ordered::{Ordered, Turn};
 use super::parallelism::Parallelism;
 use super::{Corrected, DrivenFigures, DrivenSummary, PathDeviation, Prepared, Row};
 use deflex_cell::Cell;
+use deflex_drive::Waypoint;
 use deflex_program::Role;
 use deflex_text::Diagnostic;
 use std::collections::VecDeque;
@@ -41,7 +42,7 @@ struct CourseSoFar {
 struct NextWaypoints<'c> {
     course: Course,
     /// How the waypoint before them is passed, if there is one.
-    settled: Option<Option<f64>>,
+    settled: Option<Waypoint>,
     prepared: &'c Prepared,
     extent: Extent,
     notes: Vec<Diagnostic>,
@@ -133,7 +134,7 @@ impl CourseSoFar {
             course.end(program, cell);
             notes = course.notes(program, cell);
         }
-        let settled = known.checked_sub(1).map(|last| course.waypoints[last].zone);
+        let settled = known.checked_sub(1).map(|last| course.waypoints[last]);
         let next = NextWaypoints { course: course.without_first(known), settled, prepared, extent, notes };
         // The next chunk looks at the last waypoint again, whose segment begins at the one before.
         course.forget(course.waypoints.len().saturating_sub(2));

@@ -65,8 +65,11 @@ pub struct PathLaw {
     /// the gears ahead of the torque that accelerates the arm. The motors therefore leave the path where the motion speeds up or slows
     /// down.
     pub axis_lead: Joints,
-    /// Largest acceleration along the path, m/s².
+    /// Largest acceleration along the path from and to a stop, m/s².
     pub acceleration: f64,
+    /// Largest acceleration along the path before and after a corner that is passed, m/s². An IRB 6640 slows down for a corner about twice as
+    /// fast as for a stop (docs/driven-path.md).
+    pub passing_acceleration: f64,
     /// Largest acceleration across the path, in corners and bends, m/s².
     pub corner_acceleration: f64,
     /// Largest acceleration of each motor angle, rad/s².
@@ -85,7 +88,8 @@ impl PathLaw {
         smoothing: [0.058, 0.058],
         axis_lead: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         acceleration: 8.0,
-        corner_acceleration: 4.0,
+        passing_acceleration: 16.0,
+        corner_acceleration: 7.0,
         axis_acceleration: UNLIMITED,
         lag: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         stop: 0.0,
@@ -98,6 +102,7 @@ impl PathLaw {
         smoothing: [0.0; 2],
         axis_lead: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         acceleration: f64::INFINITY,
+        passing_acceleration: f64::INFINITY,
         corner_acceleration: f64::INFINITY,
         axis_acceleration: UNLIMITED,
         lag: Joints::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -110,9 +115,9 @@ impl PathLaw {
         self.smoothing[0] + self.smoothing[1]
     }
 
-    /// Time for which the route rests at a stop, s.
-    fn rest(&self) -> f64 {
-        self.settling() + self.stop
+    /// Time for which the route rests at a knot where it stops, s.
+    fn rest_at(&self, knot: &route::Knot) -> Option<f64> {
+        knot.stop.map(|wait| self.settling() + self.stop + wait)
     }
 
     /// Standard deviation in time over which the two moving averages spread a command, s.
@@ -127,19 +132,8 @@ impl PathLaw {
         // direction changed evenly over time.
         let radius = radius * (1.0 - 0.25 * corner.tcp * corner.tcp).max(0.0);
         let axes = corner.axes.iter().zip(&self.axis_acceleration);
-        let limits = axes.map(|(turn, most)| self.turning_speed(turn.abs(), *most, radius));
-        limits.fold(self.turning_speed(corner.tcp, self.corner_acceleration, radius), f64::min)
-    }
-
-    /// Largest speed (m/s) at which a quantity keeps its largest acceleration in a corner, for the change there of its derivative by the
-    /// length of the route.
-    ///
-    /// The change of its rate, `turn · v`, takes the time of the rounding, `2 r / v`, or that of the smoothing if this is longer.
-    fn turning_speed(&self, turn: f64, acceleration: f64, radius: f64) -> f64 {
-        if turn <= 0.0 || acceleration.is_infinite() {
-            return f64::INFINITY;
-        }
-        f64::max((2.0 * acceleration * radius / turn).sqrt(), acceleration * self.spread() / turn)
+        let limits = axes.map(|(turn, most)| turning_speed(turn.abs(), *most, radius));
+        limits.fold(turning_speed(corner.tcp, self.corner_acceleration, radius), f64::min)
     }
 
     /// Whether the acceleration of any axis has a limit.
@@ -148,6 +142,15 @@ impl PathLaw {
     pub fn limits_axes(&self) -> bool {
         self.axis_acceleration.iter().any(|limit| limit.is_finite())
     }
+}
+
+/// Largest speed (m/s) at which a quantity keeps its largest acceleration in a corner with a rounding of a radius (m), for the change there of
+/// its derivative by the length of the route. The change of its rate, `turn · v`, takes the time of the rounding, `2 r / v`.
+fn turning_speed(turn: f64, acceleration: f64, radius: f64) -> f64 {
+    if turn <= 0.0 || acceleration.is_infinite() {
+        return f64::INFINITY;
+    }
+    (2.0 * acceleration * radius / turn).sqrt()
 }
 
 /// No limit of any axis.
@@ -199,7 +202,7 @@ pub enum Lead {
 /// let motor = robot.motor_from_axes_deg(&[0.0, 0.0, 0.0, 0.0, 30.0, 0.0]);
 /// let (base_from_tcp, flange_from_tcp) = (robot.forward(&motor), Pose::identity());
 /// // The end of a line that is driven with 0.1 m/s, at which the arm comes to rest.
-/// let end = Waypoint { lead: Lead::Line, base_from_tcp, flange_from_tcp, motor, feed: 0.1, zone: None };
+/// let end = Waypoint { lead: Lead::Line, base_from_tcp, flange_from_tcp, motor, feed: 0.1, zone: None, wait: 0.0 };
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Waypoint {
@@ -215,6 +218,8 @@ pub struct Waypoint {
     pub feed: f64,
     /// Radius of the zone in which the controller passes the point, m; `None` if the arm comes to rest there.
     pub zone: Option<f64>,
+    /// Time for which the program waits where the arm comes to rest, s; without effect in a zone.
+    pub wait: f64,
 }
 
 impl Waypoint {
@@ -293,7 +298,7 @@ pub const LONGEST_S: f64 = 86_400.0;
 /// let waypoint = |axis_1: f64| {
 ///     let motor = robot.motor_from_axes_deg(&[axis_1, 0.0, 0.0, 0.0, 30.0, 0.0]);
 ///     let (base_from_tcp, flange_from_tcp) = (robot.forward(&motor), Pose::identity());
-///     Waypoint { lead: Lead::Line, base_from_tcp, flange_from_tcp, motor, feed: 0.1, zone: None }
+///     Waypoint { lead: Lead::Line, base_from_tcp, flange_from_tcp, motor, feed: 0.1, zone: None, wait: 0.0 }
 /// };
 /// let samples = drive(&robot, &PathLaw::TYPICAL, &[waypoint(0.0), waypoint(2.0)]).expect("within reach");
 /// println!("{:.2} s", samples.last().map_or(0.0, |sample| sample.time));

@@ -40,8 +40,8 @@ pub(super) struct Knot {
     /// Largest speed from the point before to this one, m/s, and acceleration along the route, m/s².
     pub(super) speed: f64,
     pub(super) acceleration: f64,
-    /// Whether the motion comes to rest here.
-    pub(super) stops: bool,
+    /// Time for which the program waits here, s, if the motion comes to rest here.
+    pub(super) stop: Option<f64>,
     /// Index of the waypoint at the end of the segment, plus the covered share of the segment, less 1.
     pub(super) progress: f64,
 }
@@ -62,6 +62,8 @@ struct Segment {
     flange_from_tcp: Pose,
     /// Radius of the zone at its end, m; see [`Waypoint::zone`].
     zone: Option<f64>,
+    /// Time for which the program waits at its end if the arm comes to rest there, s.
+    wait: f64,
     /// Index of the waypoint at its end.
     index: usize,
     /// Largest speed on it, m/s: the feed, and what the acceleration across an arc allows.
@@ -80,6 +82,8 @@ struct Segment {
     radius: f64,
     /// Whether the speed changes at its start, and at its end.
     changes: [bool; 2],
+    /// Largest acceleration along it in its first and in its second half, m/s²: each half leads from or to a stop, or a corner that is passed.
+    accelerations: [f64; 2],
     /// Difference of the motor angles in its middle from the mean of those at its ends, rad; `Some` if the segment is so short that the
     /// angles follow a parabola.
     bow: Option<Joints>,
@@ -107,6 +111,7 @@ impl Segment {
             to: to.motor,
             flange_from_tcp: to.flange_from_tcp,
             zone: to.zone,
+            wait: to.wait,
             index,
             speed: to.feed.min(bend),
             directions: [0.0, 1.0].map(|share| direction(share).unwrap_or_else(Vector3::zeros)),
@@ -116,6 +121,7 @@ impl Segment {
             turn,
             radius: 0.0,
             changes: [true; 2],
+            accelerations: [law.acceleration; 2],
             bow: None,
         };
         if length <= PARABOLA && turn <= PARABOLA_TURN && segment.is_parabola() {
@@ -223,11 +229,16 @@ impl<'r> Router<'r> {
             let place = to.base_from_tcp.translation.vector;
             self.last = Some(*to);
             let (motor, speed, acceleration) = (to.motor, to.feed, self.law.acceleration);
-            self.push(Knot { motor, place, length: 0.0, speed, acceleration, stops: true, progress: 0.0 });
+            self.push(Knot { motor, place, length: 0.0, speed, acceleration, stop: Some(0.0), progress: 0.0 });
             return Ok(());
         };
         let mut next = Segment::new(self.robot, &self.law, last, to, index);
         if next.length <= NO_LENGTH {
+            // Where the arm is already, it only rests.
+            if let Some((segment, _)) = self.open.as_mut().filter(|_| to.zone.is_none()) {
+                segment.wait = if segment.zone.is_none() { segment.wait + to.wait } else { to.wait };
+                segment.zone = None;
+            }
             return Ok(());
         }
         self.last = Some(*to);
@@ -242,7 +253,7 @@ impl<'r> Router<'r> {
                 // Without a rounding, the speed limit of the corner applies at its point.
                 self.limit_last(self.law.corner_speed(&segment.turns_to(&next), 0.0));
             } else {
-                self.stop_last();
+                self.stop_last(segment.wait);
             }
         }
         self.open = Some((next, begins));
@@ -253,7 +264,7 @@ impl<'r> Router<'r> {
     pub(super) fn end(&mut self) -> Result<(), DriveError> {
         if let Some((segment, begun)) = self.open.take() {
             self.straight(&segment, [begun, 1.0])?;
-            self.stop_last();
+            self.stop_last(segment.wait);
         }
         Ok(())
     }
@@ -263,6 +274,7 @@ impl<'r> Router<'r> {
         let law = &self.law;
         let room = 0.5 * segment.length.min(next.length);
         let Some(radius) = segment.zone else { return };
+        (segment.accelerations[1], next.accelerations[0]) = (law.passing_acceleration, law.passing_acceleration);
         // A controller limits a zone to half of the shorter segment, and rounds within a share of that. Two roundings never overlap.
         segment.radius = (law.zone_share * radius.min(room)).min(room);
         let is_even = segment.speed.total_cmp(&next.speed).is_eq();
@@ -301,9 +313,9 @@ impl<'r> Router<'r> {
         }
     }
 
-    fn stop_last(&mut self) {
+    fn stop_last(&mut self, wait: f64) {
         if let Some(knot) = self.knots.last_mut() {
-            knot.stops = true;
+            knot.stop = Some(wait);
         }
     }
 
@@ -321,7 +333,7 @@ impl<'r> Router<'r> {
             return Ok(());
         }
         let is_even = segment.track.is_some() && segment.changes == [false; 2];
-        let (speed, acceleration) = (segment.speed, self.law.acceleration);
+        let speed = segment.speed;
         let wanted = if is_even { segment.turn * (to - from) / TURN } else { f64::INFINITY };
         let count = intervals(length, segment.step(), wanted);
         for k in 1..=count {
@@ -331,6 +343,7 @@ impl<'r> Router<'r> {
                 Some(track) => track.place(share),
                 None => (robot.forward(&motor) * segment.flange_from_tcp).translation.vector,
             };
+            let acceleration = segment.accelerations[usize::from(share > 0.5)];
             let progress = progress(segment.index, share);
             self.push(Knot {
                 motor,
@@ -338,7 +351,7 @@ impl<'r> Router<'r> {
                 length: length * part(1, count),
                 speed,
                 acceleration,
-                stops: false,
+                stop: None,
                 progress,
             });
         }
@@ -401,7 +414,8 @@ impl<'r> Router<'r> {
                 progress(next.index, radius * (2.0 * passed - 1.0) / next.length)
             };
             let length = 2.0 * radius * part(1, count) * shorter(passed - 0.5 * part(1, count));
-            self.push(Knot { motor, place, length, speed, acceleration: law.acceleration, stops: false, progress });
+            let acceleration = law.passing_acceleration;
+            self.push(Knot { motor, place, length, speed, acceleration, stop: None, progress });
         }
         Ok(())
     }

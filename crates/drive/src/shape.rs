@@ -15,7 +15,7 @@ use super::envelope::Envelope;
 use super::route::Route;
 use super::smoothing;
 use super::smoothing::{Response, Timeline};
-use super::{DriveError, DrivenSample, Lead, PathLaw, Turn, Waypoint, log, speed};
+use super::{DriveError, DrivenSample, Lead, PathLaw, SAMPLE_S, Turn, Waypoint, log, speed};
 use deflex_robot::{Pose, Robot};
 use nalgebra::{Matrix3, Translation3, Vector3};
 use rayon::prelude::*;
@@ -124,6 +124,8 @@ pub struct DrivenResult {
     pub seconds: f64,
     /// Largest distance near each waypoint, m: up to halfway to the waypoints before and after it.
     pub at_waypoints: Vec<f64>,
+    /// Time for which the arm is in each of these stretches, s.
+    pub seconds_at: Vec<f64>,
 }
 
 /// A command and its result.
@@ -183,6 +185,7 @@ pub fn shape(
             }
         }
         if !has_changed {
+            found = shaper.with_quicker_stops(found, &mut effort)?;
             return Ok(ShapedCommand {
                 motions: found.motions(&shaper),
                 #[cfg(test)]
@@ -339,7 +342,9 @@ impl Layout {
         let shifts = self.shifts(moved);
         for (end, [shift, via_shift]) in self.ends.iter().zip(&shifts) {
             let programmed = &shaper.waypoints[end.waypoint];
-            let mut waypoint = Waypoint { zone: end.zone, ..*programmed };
+            // The program waits at the programmed end, and not at points that are added before it.
+            let wait = if end.share < 1.0 { 0.0 } else { programmed.wait };
+            let mut waypoint = Waypoint { zone: end.zone, wait, ..*programmed };
             if let Lead::Arc { via, .. } = &mut waypoint.lead {
                 via.translation.vector += via_shift;
             }
@@ -439,6 +444,31 @@ impl Shaper<'_> {
         Ok(Driven { off, about, corners, responses, seconds })
     }
 
+    /// The command that stops at the corners where this takes less time than the points that were added, and is as near to the path.
+    fn with_quicker_stops(&self, found: SearchResult, effort: &mut [Effort]) -> Result<SearchResult, DriveError> {
+        let is_added =
+            |i: &usize| matches!(effort[*i], Effort::Added | Effort::AddedMore) && self.may(Effort::Stop, *i);
+        let added: Vec<usize> = (0..effort.len()).filter(is_added).collect();
+        if added.is_empty() {
+            return Ok(found);
+        }
+        let mut stops = effort.to_vec();
+        added.iter().for_each(|i| stops[*i] = Effort::Stop);
+        let stopped = self.search(&Layout::new(self, &stops))?;
+        let (with, without) = (&found.result, &stopped.result);
+        let is_better = |i: &&usize| {
+            without.at_waypoints[**i] <= with.at_waypoints[**i].max(self.allowed[**i])
+                && without.seconds_at[**i] < with.seconds_at[**i]
+        };
+        let better: Vec<usize> = added.iter().filter(is_better).copied().collect();
+        better.iter().for_each(|i| effort[*i] = Effort::Stop);
+        match better.len() {
+            0 => Ok(found),
+            all if all == added.len() => Ok(stopped),
+            _ => self.search(&Layout::new(self, effort)),
+        }
+    }
+
     /// Whether a measure can change anything at a waypoint that is passed.
     fn may(&self, effort: Effort, i: usize) -> bool {
         let freedom = &self.freedom[i];
@@ -464,7 +494,7 @@ impl Shaper<'_> {
         let turn =
             direction(waypoint, 1.0).zip(direction(waypoint + 1, 0.0)).map_or(0.0, |(into, out)| (out - into).norm());
         let speed =
-            self.waypoints[waypoint].feed.min(self.law.corner_speed(&Turn { tcp: turn, ..Turn::default() }, 0.0));
+            self.waypoints[waypoint].feed.min(self.law.corner_speed(&Turn { tcp: turn, ..Turn::default() }, zone));
         let mut before = 0.0;
         let at = |distance: &f64| {
             let least = ADDED_LEAST * distance / distances[0];
@@ -480,16 +510,17 @@ impl Shaper<'_> {
     }
 
     fn result(&self, driven: &Driven) -> DrivenResult {
-        let mut at_waypoints = vec![0.0; self.waypoints.len()];
+        let [mut at_waypoints, mut seconds_at] = [(); 2].map(|()| vec![0.0; self.waypoints.len()]);
         for (off, about) in driven.off.iter().zip(&driven.about) {
             let distance = off.map_or(0.0, |off| off.vector.norm());
             at_waypoints[*about] = f64::max(at_waypoints[*about], distance);
+            seconds_at[*about] += SAMPLE_S;
         }
         for (at, corner) in at_waypoints.iter_mut().zip(&driven.corners) {
             *at = f64::max(*at, corner.map_or(0.0, |(vector, _)| vector.norm()));
         }
         let largest = at_waypoints.iter().copied().fold(0.0, f64::max);
-        DrivenResult { largest, seconds: driven.seconds, at_waypoints }
+        DrivenResult { largest, seconds: driven.seconds, at_waypoints, seconds_at }
     }
 
     /// Moves the nodes of a layout until the driven path keeps the tolerance, or the rounds are over.

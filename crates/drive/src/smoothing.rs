@@ -42,8 +42,8 @@ pub(super) struct Timeline {
 #[derive(Clone, Debug)]
 struct LastKnot {
     place: Vector3<f64>,
-    /// Whether the motion rests here before it goes on.
-    rests: bool,
+    /// Time for which the motion rests here before it goes on, s, if it does.
+    rest: Option<f64>,
     /// Velocity of the TCP up to it, m/s.
     velocity: Vector3<f64>,
 }
@@ -97,10 +97,10 @@ impl Timeline {
         let (mut turned, mut velocity, is_first) = (0.0, Vector3::zeros(), self.last.is_none());
         if let Some(last) = self.last.take() {
             velocity = last.velocity;
-            if last.rests {
+            if let Some(rest) = last.rest {
                 let stopped = self.turn_last(velocity.norm());
                 velocity = Vector3::zeros();
-                self.moments.push(Moment { time: stopped.time + self.law.rest(), ..stopped });
+                self.moments.push(Moment { time: stopped.time + rest, ..stopped });
             }
             let lasts = time - self.moments.last().map_or(0.0, |left| left.time);
             let next = if lasts > 0.0 { (knot.place - last.place) / lasts } else { velocity };
@@ -109,7 +109,8 @@ impl Timeline {
             state[6] += left.state[6];
         }
         self.moments.push(Moment { time, state, progress: knot.progress, turned });
-        self.last = Some(LastKnot { place: knot.place, rests: knot.stops && !is_first, velocity });
+        let rest = self.law.rest_at(&knot).filter(|_| !is_first);
+        self.last = Some(LastKnot { place: knot.place, rest, velocity });
     }
 
     /// Ends the route at the last knot.
@@ -337,7 +338,7 @@ pub(super) fn responses(law: &PathLaw, route: &Route, times: &[f64], hats: &[[f6
     let end = times.last().copied().unwrap_or(0.0) + law.settling();
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let cells = (end / STEP_S).ceil() as usize + 2;
-    let progress = progress_in_cells(route, times, law.rest(), cells);
+    let progress = progress_in_cells(law, route, times, cells);
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let margin = (law.settling() / STEP_S).ceil() as usize + 2;
     hats.par_iter()
@@ -360,7 +361,7 @@ pub(super) fn responses(law: &PathLaw, route: &Route, times: &[f64], hats: &[[f6
 }
 
 /// The progress along the route in the middle of each step of time.
-fn progress_in_cells(route: &Route, times: &[f64], rest: f64, cells: usize) -> Vec<f64> {
+fn progress_in_cells(law: &PathLaw, route: &Route, times: &[f64], cells: usize) -> Vec<f64> {
     let knots = &route.knots;
     let mut progress = Vec::with_capacity(cells);
     let mut i = 1;
@@ -374,7 +375,7 @@ fn progress_in_cells(route: &Route, times: &[f64], rest: f64, cells: usize) -> V
             progress.push(knots.last().map_or(0.0, |knot| knot.progress));
             continue;
         };
-        let begins = times[i - 1] + if before.stops && i > 1 { rest } else { 0.0 };
+        let begins = times[i - 1] + law.rest_at(before).filter(|_| i > 1).unwrap_or(0.0);
         let share = if times[i] > begins { ((time - begins) / (times[i] - begins)).clamp(0.0, 1.0) } else { 1.0 };
         progress.push(before.progress + (knot.progress - before.progress) * share);
     }

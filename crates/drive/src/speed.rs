@@ -47,8 +47,8 @@ struct Timed {
     /// Square of the speed, m²/s², and what the limits up to it alone allow.
     square: f64,
     reached: f64,
-    /// Whether the motion rests here before it goes on.
-    rests: bool,
+    /// Time for which the motion rests here before it goes on, s, if it does.
+    rest: Option<f64>,
 }
 
 impl Clock {
@@ -91,7 +91,7 @@ impl Clock {
     ) -> Result<(), DriveError> {
         self.open.extend(knots);
         if let Some(last) = self.open.last_mut() {
-            last.stops = true;
+            last.stop.get_or_insert(0.0);
         }
         self.accelerate();
         self.pass(self.open.len(), 0.0, known)
@@ -107,7 +107,7 @@ impl Clock {
         for i in self.squares.len()..self.open.len() {
             let knot = &self.open[i];
             let square = match self.open.get(i + 1) {
-                _ if knot.stops => 0.0,
+                _ if knot.stop.is_some() => 0.0,
                 Some(next) => knot.speed.min(next.speed).powi(2),
                 None => return,
             };
@@ -136,7 +136,7 @@ impl Clock {
         for (knot, square) in self.open.drain(..count).zip(self.squares.drain(..count)) {
             let mut time = 0.0;
             if let Some(before) = self.before {
-                time = before.time + if before.rests { self.law.rest() } else { 0.0 };
+                time = before.time + before.rest.unwrap_or(0.0);
                 let parts = parts([before.square, square], &knot);
                 let mut gone = 0.0;
                 for (n, (length, lasts)) in parts.iter().enumerate() {
@@ -155,8 +155,8 @@ impl Clock {
             if time > LONGEST_S {
                 return Err(DriveError::TooLong);
             }
-            let rests = knot.stops && self.before.is_some();
-            self.before = Some(Timed { knot, time, square, reached, rests });
+            let rest = self.before.and_then(|_| self.law.rest_at(&knot));
+            self.before = Some(Timed { knot, time, square, reached, rest });
         }
         Ok(())
     }
@@ -213,7 +213,7 @@ fn between(from: &Knot, to: &Knot, share: f64, length: f64) -> Knot {
         place: from.place.lerp(&to.place, share),
         progress: from.progress + share * (to.progress - from.progress),
         length,
-        stops: false,
+        stop: None,
         ..*to
     }
 }

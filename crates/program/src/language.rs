@@ -54,6 +54,8 @@ pub struct About {
     /// Words of statements at which a program waits, in upper case: the controller does not know the motion after one of them in time to
     /// round the corner before it. Empty if no manual says so.
     pub(super) waits: &'static [&'static str],
+    /// The statement at which a program waits for a time.
+    pub(super) dwell: Dwell,
     /// The name of the work object that is the robot's base; cells need not declare it.
     robot_base: Option<&'static str>,
     /// The beginnings of the names of tools and of work objects, if only its controllers have them.
@@ -89,6 +91,15 @@ pub struct About {
     pub turn: fn([f64; 3]) -> Rotation3<f64>,
     /// Statements that posted programs need.
     pub post: post::Statements,
+}
+
+/// The words of a statement at which a program waits for a number of seconds.
+#[derive(Debug)]
+pub(super) struct Dwell {
+    /// Its first word.
+    pub(super) word: &'static str,
+    /// A word that may stand between it and the number.
+    pub(super) before_number: Option<&'static str>,
 }
 
 /// Words before the names of programs, in upper case.
@@ -181,6 +192,7 @@ static RAPID: About = About {
         "WAITTIME", "WAITUNTIL", "WAITDI", "WAITDO", "WAITGI", "WAITGO", "WAITAI", "WAITAO", "WAITSYNCTASK", "STOP",
         "TPREADFK", "TPREADNUM", "UIMSGBOX",
     ],
+    dwell: Dwell { word: "WAITTIME", before_number: Some("INPOS") },
     robot_base: None,
     prefixes: None,
     are_names_numbers: false,
@@ -215,6 +227,7 @@ static CL: About = About {
     comment: None,
     comment_end: None,
     waits: &[],
+    dwell: Dwell { word: "DELAY", before_number: None },
     robot_base: None,
     prefixes: None,
     are_names_numbers: false,
@@ -244,6 +257,7 @@ static KRL: About = About {
     comment: Some(b';'),
     comment_end: None,
     waits: &["WAIT", "HALT"],
+    dwell: Dwell { word: "WAIT", before_number: Some("SEC") },
     robot_base: None,
     prefixes: Some(["TOOL_DATA[", "BASE_DATA["]),
     are_names_numbers: false,
@@ -272,6 +286,7 @@ static TP: About = About {
     comment: Some(b'!'),
     comment_end: Some(b';'),
     waits: &[],
+    dwell: Dwell { word: "WAIT", before_number: None },
     robot_base: None,
     prefixes: Some(["UT ", "UF "]),
     are_names_numbers: true,
@@ -303,6 +318,7 @@ static UR: About = About {
     comment: Some(b'#'),
     comment_end: None,
     waits: &[],
+    dwell: Dwell { word: "sleep", before_number: None },
     robot_base: Some("base"),
     prefixes: None,
     are_names_numbers: false,
@@ -331,6 +347,7 @@ static JBI: About = About {
     comment: Some(b'\''),
     comment_end: None,
     waits: &[],
+    dwell: Dwell { word: "TIMER", before_number: Some("T") },
     robot_base: Some(deflex_lang::inform::ROBOT),
     prefixes: Some(["TOOL ", "USER "]),
     are_names_numbers: true,

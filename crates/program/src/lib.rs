@@ -34,6 +34,7 @@ mod target;
 pub(crate) mod token;
 pub mod tp;
 pub mod ur;
+mod waits;
 
 pub use action::{Action, ActionKind};
 pub use deflex_lang::Reason;
@@ -55,6 +56,7 @@ pub use target::{
     ArcTurn, Conf, Confdata, Config, Editable, ExternalAxes, Goal, InactiveUnit, Mark, Motion, Predecessor, Role,
     StatusAndTurn, Target,
 };
+pub use waits::Wait;
 
 use deflex_text::{Diagnostic, Edit, Source, Span, applied};
 use front_end::Wanted;
@@ -112,12 +114,6 @@ pub struct Program {
     /// The places of the number tokens, for the front end.
     pub(crate) layout: Layout,
 }
-
-/// Words between two motions after which the second may not follow the first, and `CONTINUE`, with which KRL does not wait.
-const BRANCHES: [&str; 17] = [
-    "IF", "ELSE", "ELSEIF", "ENDIF", "TEST", "CASE", "SWITCH", "FOR", "ENDFOR", "WHILE", "ENDWHILE", "LOOP", "REPEAT",
-    "GOTO", "ENDPROC", "END", "CONTINUE",
-];
 
 /// How the controller passes the end of a motion.
 ///
@@ -553,44 +549,6 @@ impl Program {
     #[doc(hidden)]
     pub fn is_worded_like(&self, target: usize, other: usize) -> bool {
         self.layout.front_end().is_worded_like(self, target, other)
-    }
-
-    /// The word of a statement between two targets at which the controller waits, so that it cannot round the corner before it; `None` if there
-    /// is none, or if the second target may not follow the first.
-    #[must_use]
-    #[doc(hidden)]
-    pub fn waits_between(&self, target: usize, next: usize) -> Option<&'static str> {
-        let (before, after) = (self.targets.get(target)?, self.targets.get(next)?);
-        if before.source != after.source {
-            return None;
-        }
-        self.waits_in(before.source, before.span.range().end..after.span.range().start)
-    }
-
-    /// The same between the start of a chunk, whose own text begins there, and its first target.
-    #[must_use]
-    #[doc(hidden)]
-    pub fn waits_before(&self, target: usize, from: usize) -> Option<&'static str> {
-        let target = self.targets.get(target)?;
-        self.waits_in(target.source, from..target.span.range().start)
-    }
-
-    fn waits_in(&self, source: u16, span: std::ops::Range<usize>) -> Option<&'static str> {
-        let text = self.sources[usize::from(source)].bytes.get(span)?;
-        let comment = self.language.comment();
-        let code = text
-            .split(|byte| *byte == b'\n')
-            .map(|line| line.split(|byte| Some(*byte) == comment).next().unwrap_or(line));
-        let words = code.flat_map(|line| line.split(|byte| !byte.is_ascii_alphanumeric() && *byte != b'_'));
-        let mut found = None;
-        for word in words.filter(|word| !word.is_empty()) {
-            let is = |known: &&&str| word.eq_ignore_ascii_case(known.as_bytes());
-            if BRANCHES.iter().any(|known| is(&known)) {
-                return None;
-            }
-            found = found.or_else(|| self.language.about().waits.iter().find(is).copied());
-        }
-        found
     }
 
     /// For each target index, the edit that makes the controller stop there, or pass it in a smaller zone of at most this radius; `None` if the

@@ -56,13 +56,21 @@ pub fn path_law_text(found: &FittedLaw) -> String {
     );
     let _ = writeln!(
         text,
-        "  law: zone share {:.2}, smoothing {:.0} and {:.0} ms, acceleration {:.0} mm/s² along the path and {:.0} mm/s² across it",
+        "  law: zone share {:.2}, smoothing {:.0} and {:.0} ms, acceleration {:.0} mm/s² at stops, {:.0} mm/s² at passed corners and {:.0} mm/s² across the path",
         law.zone_share,
         1e3 * law.smoothing[0],
         1e3 * law.smoothing[1],
         1e3 * law.acceleration,
+        1e3 * law.passing_acceleration,
         1e3 * law.corner_acceleration
     );
+    if let Some(radius) = found.assumed_zone {
+        let _ = writeln!(
+            text,
+            "  the programs state no radius of their zones: with zone_mm = {:.0} and this zone share, corners are rounded as in the logs",
+            1e3 * radius
+        );
+    }
     if let Some(turn) = found.arc_turn {
         let how = match turn {
             ArcTurn::Even => "evenly from the start to the end",
