@@ -6,7 +6,7 @@ use super::piped::{Piped, jobs};
 use super::predicted::{self, Batch};
 use super::run::{Done, each, finish, origins};
 use super::setup::setup;
-use super::{Outcome, progress};
+use super::{Outcome, message, progress};
 use crate::session::input::Context;
 use crate::session::job::Job;
 use crate::session::output::{Outputs, one_thing, to_stdout};
@@ -38,7 +38,7 @@ pub(super) fn run(args: &Predict) -> Outcome {
     one_thing(reports.to_stdout() + path_to_stdout)?;
     let originals = Originals::new(args.against.as_deref(), &jobs, args.reading.format)?;
     let mut outputs = Outputs::default();
-    outputs.add_report(args.path.as_ref(), || driven_path(&setup, &jobs))?;
+    outputs.add_report(args.path.as_ref(), || driven_path(&setup, &jobs, args.common.quiet))?;
     let batch = Batch {
         setup: &setup,
         originals: &originals,
@@ -88,11 +88,15 @@ fn whole(batch: &Batch<'_>, job: Job, bar: &ProgressBar) -> Result<Done, Vec<Dia
 }
 
 /// The path of the single program, as the controller drives it and the loaded arm takes it, as CSV.
-fn driven_path(setup: &Setup, jobs: &[Job]) -> Result<Vec<u8>, Vec<Diagnostic>> {
+fn driven_path(setup: &Setup, jobs: &[Job], quiet: bool) -> Result<Vec<u8>, Vec<Diagnostic>> {
     let [job] = jobs else {
         let message = format!("--path samples the path of one program, and {} are given", jobs.len());
         return Err(vec![Diagnostic::error("usage.path", "", message).help("give the programs one at a time")]);
     };
     let path = setup.driven_path(&setup.program(job.clone().held()?)?)?;
+    // With a law, the prediction follows the path too, and has the same notes.
+    if setup.cell.cell.controller.path.is_none() {
+        message::print(&path.notes, quiet);
+    }
     Ok(path_csv(&path.samples))
 }

@@ -7,7 +7,7 @@ use deflex::correct::{Course, Options, Prepared};
 use deflex::drive::{DriveError, FittedLaw, Log, LogError, PathLaw, WayOfTurning, Waypoint, arc_turn, fit_law};
 use deflex::identify::{self, Identification, Input, MeasuredRun, Progress, Written};
 use deflex::measured::{ColumnNames, Forces, Table};
-use deflex::program::{ArcTurn, Language, Program, Role};
+use deflex::program::{ArcTurn, Program, Role};
 use deflex::report::html::identification_page;
 use deflex::report::{Origin, VERSION};
 use deflex::text::{Diagnostic, Source};
@@ -331,11 +331,10 @@ fn log_error(error: LogError, logs: &[(ProgramFiles, MeasuredFile)]) -> Diagnost
             (i, "check that the log is of this program, of this robot, and in degrees as the pendant shows them")
         }
         LogError::Path(i, _) => (i, "check the cell's robot, tool and work object"),
-        LogError::Slow { log, .. } if logs[log].0.language() == Language::Ls => (
+        LogError::Slow { log, .. } => (
             log,
-            "record the axes with the speed override at 100 %, and use CNT100: below, the robot brakes before each corner",
+            "record the axes with the speed override at 100 %; for FANUC, use CNT100: below, the robot brakes before each corner",
         ),
-        LogError::Slow { log, .. } => (log, "record the axes with the speed override at 100 %"),
     };
     Diagnostic::error("log.program", file(at), message).help(help)
 }

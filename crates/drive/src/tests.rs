@@ -164,7 +164,7 @@ fn a_corner_is_passed_as_slowly_as_the_acceleration_across_it_asks() {
     // 1/cos² 45° more than on average.
     let (radius, speed) = (0.01, law.corner_speed(&corner(turn), 0.01));
     assert_relative_eq!(turn * speed / (2.0 * radius / speed) / 0.5, 4.0, epsilon = 1e-9);
-    assert_eq!(law.corner_speed(&corner(turn), 0.0), 0.0);
+    assert_abs_diff_eq!(law.corner_speed(&corner(turn), 0.0), 0.0);
     assert!(law.corner_speed(&corner(0.0), 0.0).is_infinite());
     // An axis that turns by 1 rad/m, in either direction, and keeps 2 rad/s²: v² = 2 · 2 · 10 mm · 1 m.
     let law = PathLaw { axis_acceleration: Joints::repeat(2.0), ..law };

@@ -90,73 +90,67 @@ fn seconds(line: &[u8], before_number: Option<&str>) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Language, ReadOptions, read};
+    use crate::{ReadOptions, cl, detect, read};
     use deflex_text::Source;
 
-    /// The wait between two points of a program in each language.
-    fn wait(language: Language, statement: &str) -> Option<Wait> {
-        let (name, text) = match language {
-            Language::Rapid => (
-                "a.mod",
-                format!(
-                    "MODULE a\nPROC main()\nMoveL [[1,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tool0;\n{statement}\nMoveL \
-                 [[2,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tool0;\nENDPROC\nENDMODULE\n"
-                ),
-            ),
-            Language::Krl => (
-                "a.src",
-                format!(
-                    "DEF a ( )\n$BASE=BASE_DATA[1]\n$TOOL=TOOL_DATA[1]\n$VEL.CP=0.05\nLIN {{X 1,Y 0,Z 0,A 0,B 0,C 0}} C_DIS\n{statement}\nLIN {{X 2,Y 0,Z \
-                 0,A 0,B 0,C 0}}\nEND\n"
-                ),
-            ),
-            Language::Ls => (
-                "a.ls",
-                format!(
-                    "/PROG A\n/ATTR\n/MN\n   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:L P[1] 50mm/sec CNT100 ;\n   4:  {statement} ;\n   5:L P[2] \
-                 50mm/sec FINE ;\n/POS\nP[1]{{ GP1: UF : 1, UT : 1, CONFIG : 'N U T, 0, 0, 0', X = 1 mm, Y = 0 mm, Z = 0 mm, W = 0 deg, P = 0 \
-                 deg, R = 0 deg }};\nP[2]{{ GP1: UF : 1, UT : 1, CONFIG : 'N U T, 0, 0, 0', X = 2 mm, Y = 0 mm, Z = 0 mm, W = 0 deg, P = 0 deg, \
-                 R = 0 deg }};\n/END\n"
-                ),
-            ),
-            Language::Ur => (
-                "a.script",
-                format!(
-                    "def a():\n  movel(p[0.1,0,0,0,0,0],v=0.05,r=0.001)\n  {statement}\n  movel(p[0.2,0,0,0,0,0],v=0.05)\nend\n"
-                ),
-            ),
-            _ => {
-                ("a.cls", format!("UNITS/MM\nFEDRAT/100,MMPM\nGOTO/1,0,0,0,0,1\n{statement}\nGOTO/2,0,0,0,0,1\nFINI\n"))
-            }
-        };
-        let options = ReadOptions { cl: &crate::cl::ClOptions::default(), look: false };
+    /// A program of two motions in each language, with `?` between them.
+    const PROGRAMS: [(&str, &str); 5] = [
+        (
+            "a.mod",
+            "MODULE a\nPROC main()\nMoveL [[1,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tool0;\n?\nMoveL \
+             [[2,0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tool0;\nENDPROC\nENDMODULE\n",
+        ),
+        (
+            "a.src",
+            "DEF a ( )\n$BASE=BASE_DATA[1]\n$TOOL=TOOL_DATA[1]\n$VEL.CP=0.05\nLIN {X 1,Y 0,Z 0,A 0,B 0,C 0} C_DIS\n?\n\
+             LIN {X 2,Y 0,Z 0,A 0,B 0,C 0}\nEND\n",
+        ),
+        (
+            "a.ls",
+            "/PROG A\n/ATTR\n/MN\n   1:L P[1] 50mm/sec CNT100 ;\n   2:  ? ;\n   3:L P[2] 50mm/sec FINE ;\n/POS\n\
+             P[1]{ GP1: UF : 1, UT : 1, X = 1 mm, Y = 0 mm, Z = 0 mm, W = 0 deg, P = 0 deg, R = 0 deg };\n\
+             P[2]{ GP1: UF : 1, UT : 1, X = 2 mm, Y = 0 mm, Z = 0 mm, W = 0 deg, P = 0 deg, R = 0 deg };\n/END\n",
+        ),
+        (
+            "a.script",
+            "def a():\n  movel(p[0.1,0,0,0,0,0],v=0.05,r=0.001)\n  ?\n  movel(p[0.2,0,0,0,0,0],v=0.05)\nend\n",
+        ),
+        ("a.cls", "UNITS/MM\nFEDRAT/100,MMPM\nGOTO/1,0,0,0,0,1\n?\nGOTO/2,0,0,0,0,1\nFINI\n"),
+    ];
+
+    /// The wait that a statement is between the motions of the program with this name.
+    fn wait(name: &str, statement: &str) -> Option<Wait> {
+        let (_, text) = PROGRAMS.iter().find(|(known, _)| *known == name).expect("a program");
+        let text = text.replace('?', statement);
+        let language = detect(name, text.as_bytes()).expect("a language");
+        let options = ReadOptions { cl: &cl::ClOptions::default(), look: false };
         let program = read(language, vec![Source::new(name, text)], vec![], &options);
-        let program = program.unwrap_or_else(|errors| panic!("{language:?}: {errors:?}"));
-        assert_eq!(program.targets.len(), 2, "{language:?}");
+        let program = program.unwrap_or_else(|errors| panic!("{name}: {errors:?}"));
+        assert_eq!(program.targets.len(), 2, "{name}");
         program.waits_between(0, 1)
     }
 
     #[test]
     fn the_time_of_a_wait_is_read() {
-        for (language, statement, word, seconds) in [
-            (Language::Rapid, "WaitTime 1.5;", "WAITTIME", 1.5),
-            (Language::Rapid, "WaitTime\\InPos,0.5;", "WAITTIME", 0.5),
-            (Language::Rapid, "WaitTime 0.5; WaitTime 5E-1; ! WaitTime 3;", "WAITTIME", 1.0),
-            (Language::Rapid, "WaitTime 0.5+0.1*0;", "WAITTIME", 0.0),
-            (Language::Rapid, "WaitDI di1,1;", "WAITDI", 0.0),
-            (Language::Krl, "WAIT SEC 0.25", "WAIT", 0.25),
-            (Language::Krl, "WAIT FOR $IN[1]", "WAIT", 0.0),
-            (Language::Ls, "WAIT   1.50(sec)", "WAIT", 1.5),
-            (Language::Ur, "sleep(0.4)", "sleep", 0.4),
-            (Language::Cl, "DELAY/2", "DELAY", 2.0),
+        for (name, statement, word, seconds) in [
+            ("a.mod", "WaitTime 1.5;", "WAITTIME", 1.5),
+            ("a.mod", "WaitTime\\InPos,0.5;", "WAITTIME", 0.5),
+            ("a.mod", "WaitTime 0.5; WaitTime 5E-1; ! WaitTime 3;", "WAITTIME", 1.0),
+            ("a.mod", "WaitTime 0.5+0.1*0;", "WAITTIME", 0.0),
+            ("a.mod", "WaitDI di1,1;", "WAITDI", 0.0),
+            ("a.src", "WAIT SEC 0.25", "WAIT", 0.25),
+            ("a.src", "WAIT FOR $IN[1]", "WAIT", 0.0),
+            ("a.ls", "WAIT   1.50(sec)", "WAIT", 1.5),
+            ("a.script", "sleep(0.4)", "sleep", 0.4),
+            ("a.cls", "DELAY/2", "DELAY", 2.0),
         ] {
-            assert_eq!(wait(language, statement), Some(Wait { word, seconds }), "{statement}");
+            assert_eq!(wait(name, statement), Some(Wait { word, seconds }), "{statement}");
         }
     }
 
     #[test]
     fn a_wait_of_unknown_time_stops_only_controllers_whose_manuals_say_so() {
-        assert_eq!(wait(Language::Ls, "WAIT DI[1]=ON"), None);
-        assert_eq!(wait(Language::Rapid, "IF di1=1 WaitTime 1;"), None);
+        assert_eq!(wait("a.ls", "WAIT DI[1]=ON"), None);
+        assert_eq!(wait("a.mod", "IF di1=1 WaitTime 1;"), None);
     }
 }

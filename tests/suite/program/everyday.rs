@@ -264,8 +264,9 @@ fn an_analog_input_changes_its_variable_alone() {
         let program = krl::read(vec![Source::new("m.src", text)], Vec::new()).unwrap();
         listed(&program).into_iter().filter(|target| target.1.is_none()).map(|target| target.0).collect::<Vec<_>>()
     };
-    assert_eq!(krl("ANIN ON rH = 0.5 * siH + 2.0"), [1.0, 3.0]);
-    assert_eq!(krl("ANIN ON rH = 0.5 * $ANIN[1]"), [1.0, 3.0]);
+    // The motion to X 2 has a height of its own, and takes nothing over from the motion before it.
+    assert_eq!(krl("ANIN ON rH = 0.5 * siH + 2.0"), [1.0, 4.0, 3.0]);
+    assert_eq!(krl("ANIN ON rH = 0.5 * $ANIN[1]"), [1.0, 4.0, 3.0]);
 }
 
 /// FANUC: `OVERRIDE` scales every speed after it.

@@ -589,8 +589,10 @@ fn a_program_that_is_given_changes_what_it_says() {
         let program = read(&hard, context);
         program.targets.iter().filter(|target| target.editable == Editable::Pose).count()
     };
-    // Not given: any register; given: the second is known, and the first may be any, so that all stays.
-    assert_eq!((edited(&[]), edited(&[other])), (0, 0));
+    // Not given: any register; given: it is as if its statement stood in place of the call.
+    assert_eq!((edited(&[]), edited(&[other])), (0, 2));
+    let unknown = other.replace("R[1]=3", "R[1]=DI[1]");
+    assert_eq!(edited(&[&unknown]), 0);
     let quiet = other.replace("R[1]=3", "R[9]=3");
     assert_eq!(edited(&[&quiet]), 2);
     let soft = other.replace("R[1]=3", "SOFTFLOAT[1]");

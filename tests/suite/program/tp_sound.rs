@@ -567,7 +567,9 @@ fn programs_that_are_given_change_what_they_change() {
     };
     let harmless = with("DO[1]=ON");
     assert_eq!((harmless.targets[0].editable, harmless.diagnostics.len()), (Editable::Pose, 0));
-    assert!(with("UFRAME_NUM=2").targets.is_empty());
+    let selected = with("UFRAME_NUM=2");
+    assert_eq!(&*selected.wobjs[usize::from(selected.targets[0].wobj)].name, "UF 2");
+    assert!(with("UFRAME_NUM=R[1]").targets.is_empty());
     assert!(with("UFRAME[1]=PR[1]").targets.is_empty());
     assert!(with("CALL OTHER").targets.is_empty());
     let alone = tp::read(vec![Source::new("main.ls", main.as_bytes())], Vec::new()).unwrap();

@@ -1,8 +1,10 @@
 //! Expressions and conditions as trees.
 
 use super::builtin;
-use super::lex::{Parsed, blanks, brackets, index, is_letter, number_token, spaced, value_of, word};
-use super::statement::{of_first_group, register_and_element};
+use super::lex::{
+    Parsed, blanks, brackets, index, is_letter, number_token, of_first_group, register_and_element, spaced, value_of,
+    word,
+};
 use crate::ir::{Binary, Expression, ExpressionKind as Is, SourceSpan, Unary};
 use crate::reason::Reason;
 use nom::Parser;

@@ -86,6 +86,27 @@ pub(super) fn index(within: &[u8]) -> &[u8] {
     within.trim_ascii()
 }
 
+/// `GP1:3`, `3`: the text after the motion group; `None` for another group.
+pub(super) fn of_first_group(within: &[u8]) -> Option<&[u8]> {
+    let grouped = within.len() > 2 && within[..2].eq_ignore_ascii_case(b"GP");
+    match within.iter().position(|b| *b == b':').filter(|_| grouped) {
+        Some(at) => within[..at].trim_ascii().eq_ignore_ascii_case(b"GP1").then(|| &within[at + 1..]),
+        None => Some(within),
+    }
+}
+
+/// `9,1:x`, `9:home`: the index of a position register, and that of an element.
+pub(super) fn register_and_element(within: &[u8]) -> (&[u8], Option<&[u8]>) {
+    // A comment ends the indices, and may have commas.
+    let indices = index(within);
+    let mut depth = 0_i32;
+    let comma = indices.iter().position(|b| {
+        depth += i32::from(*b == b'[') - i32::from(*b == b']');
+        depth == 0 && *b == b','
+    });
+    comma.map_or((indices, None), |at| (&indices[..at], Some(&indices[at + 1..])))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,7 +1,6 @@
 //! Motion instructions: `L P[3:corner] 500mm/sec CNT50 ACC80 Offset,PR[1]`.
 
-use super::lex::{Parsed, blanks, brackets, index, number_token, spaced, value_of, word};
-use super::statement::of_first_group;
+use super::lex::{Parsed, blanks, brackets, index, number_token, of_first_group, spaced, value_of, word};
 use crate::ir::Path;
 use crate::reason::Reason;
 use nom::Parser;

@@ -1,7 +1,7 @@
 //! The statements of `/MN`, by their effect on where the robot goes.
 
 use super::expression::count;
-use super::lex::{Parsed, brackets, index, is_letter, keyword, spaced, word};
+use super::lex::{Parsed, brackets, index, is_letter, keyword, of_first_group, register_and_element, spaced, word};
 use super::lines::Line;
 use super::motion::{self, Motion};
 use crate::reason::Reason;
@@ -291,15 +291,6 @@ fn redefined(frame: Frame, rest: &[u8]) -> StatementKind<'_> {
     }
 }
 
-/// `GP1:3`, `3`: the text after the motion group; `None` for another group.
-pub(super) fn of_first_group(within: &[u8]) -> Option<&[u8]> {
-    let grouped = within.len() > 2 && within[..2].eq_ignore_ascii_case(b"GP");
-    match within.iter().position(|b| *b == b':').filter(|_| grouped) {
-        Some(at) => within[..at].trim_ascii().eq_ignore_ascii_case(b"GP1").then(|| &within[at + 1..]),
-        None => Some(within),
-    }
-}
-
 /// `[9,1:x]=5`, `[9:home]=LPOS`; indices that are not understood are unknown ones.
 fn position_register(rest: &[u8]) -> StatementKind<'_> {
     let Ok((value, (within, _))) = (brackets, spaced(tag("="))).parse(rest) as Parsed<'_, _> else {
@@ -331,18 +322,6 @@ fn position_register(rest: &[u8]) -> StatementKind<'_> {
         }
     };
     StatementKind::PositionRegister(indices, whole)
-}
-
-/// `9,1:x`, `9:home`: the index of a position register, and that of an element.
-pub(super) fn register_and_element(within: &[u8]) -> (&[u8], Option<&[u8]>) {
-    // A comment ends the indices, and may have commas.
-    let indices = index(within);
-    let mut depth = 0_i32;
-    let comma = indices.iter().position(|b| {
-        depth += i32::from(*b == b'[') - i32::from(*b == b']');
-        depth == 0 && *b == b','
-    });
-    comma.map_or((indices, None), |at| (&indices[..at], Some(&indices[at + 1..])))
 }
 
 /// `(…) THEN`, `…,statement`

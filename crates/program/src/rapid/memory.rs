@@ -38,12 +38,11 @@ impl Runner<'_> {
             if self.symbols.routine(frame.routine).handlers.is_empty() {
                 continue;
             }
-            for (name, own) in &frame.names {
-                let is_part = matches!(&self.symbols.variables[*own].content, Content::Part(part) if part.of == at);
-                if *own == at || is_part {
-                    self.numbers.given.entry((frame.routine, name.clone())).or_default().add(pose);
-                }
-            }
+            let is_part =
+                |own: usize| matches!(&self.symbols.variables[own].content, Content::Part(part) if part.of == at);
+            let holds = frame.names.iter().filter(|(_, own)| **own == at || is_part(**own));
+            let given = &mut self.numbers.given;
+            holds.for_each(|(name, _)| given.entry((frame.routine, name.clone())).or_default().add(pose));
         }
     }
 

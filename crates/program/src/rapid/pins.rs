@@ -5,24 +5,8 @@ use super::expression::{Expression, ExpressionKind};
 use super::literal::Literal;
 use super::runner::{Found, Numbers};
 use super::tree::File;
-use super::value::{OffsetStep, Pose, Value};
+use super::value::{OffsetStep, Origins, Pose, Value};
 use deflex_lang::ir::SourceSpan;
-use std::collections::{BTreeSet, HashSet};
-
-/// The numbers in the text from which robtargets are made.
-#[derive(Debug, Default)]
-pub(super) struct Origins {
-    literals: BTreeSet<u32>,
-    /// Offsets, by their first number.
-    offsets: HashSet<SourceSpan>,
-}
-
-impl Origins {
-    pub(super) fn add(&mut self, pose: &Pose) {
-        self.literals.extend(pose.root);
-        self.offsets.extend(pose.steps.iter().filter_map(OffsetStep::place));
-    }
-}
 
 impl Numbers {
     pub(super) fn of(files: &[File]) -> Self {

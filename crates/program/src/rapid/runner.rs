@@ -3,12 +3,12 @@
 use super::gathering::Gathering;
 use super::known::RoutineId;
 use super::literal::Literal;
-use super::pins::Origins;
 use super::ran::{Ran, Use};
 use super::state::{Begun, ModalState, Site, Standing, State};
 use super::steps::Routines;
 use super::symbols::{Names, Symbols};
 use super::tree::{File, While};
+use super::value::Origins;
 use super::{Offset, TargetInText};
 use crate::kept::KeptStatements;
 use crate::{ExternalAxes, InactiveUnit, Mark, Target, Tool, UnknownMotion, Wobj};

@@ -4,6 +4,7 @@ use super::literal::{self, Literal, UNUSED_AXIS, Written};
 use crate::{Conf, NO_TURN, Reason, ToolData, WobjData};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::Span;
+use std::collections::{BTreeSet, HashSet};
 use std::rc::Rc;
 
 /// Largest deviation of |q|² from 1 that counts as rounding of the printed text: a length of 1 ± 0.001. ABB's page on `orient`
@@ -33,6 +34,21 @@ pub(super) struct Pose {
     pub(super) steps: Vec<OffsetStep>,
     /// The reason, if any, for which it cannot be edited although its value is known.
     pub(super) fixed: Option<Reason>,
+}
+
+/// The numbers in the text from which robtargets are made.
+#[derive(Debug, Default)]
+pub(super) struct Origins {
+    pub(super) literals: BTreeSet<u32>,
+    /// Offsets, by their first number.
+    pub(super) offsets: HashSet<SourceSpan>,
+}
+
+impl Origins {
+    pub(super) fn add(&mut self, pose: &Pose) {
+        self.literals.extend(pose.root);
+        self.offsets.extend(pose.steps.iter().filter_map(OffsetStep::place));
+    }
 }
 
 /// One `Offs` or `RelTool`, or assignments to the coordinates of a variable.

@@ -196,7 +196,9 @@ impl<'a> Builder<'a> {
         };
         let (frames, name) = match motion.end {
             // A position register names no frames.
-            Point::Register(index) => ([Number::Selected; 2], format!("PR[{}]", String::from_utf8_lossy(index))),
+            Point::Register(index) if visit.number(role).is_err() => {
+                ([Number::Selected; 2], format!("PR[{}]", String::from_utf8_lossy(index)))
+            }
             _ => (frames, format!("P[{}]", position.number)),
         };
         let frames = self.frames(frames, visit.held)?;
