@@ -1,6 +1,7 @@
 //! Text in, targets and edits out.
 
 #![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
+#![allow(clippy::float_cmp)] // the very numbers that were written
 
 use deflex_program::rapid::read;
 use deflex_program::{Change, Editable, Goal, Insert, Mark, Program, Reason, RewriteOptions, round_trip};
