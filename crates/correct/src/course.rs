@@ -152,6 +152,7 @@ impl Course {
     ///
     /// # Errors
     /// As [`Course::new`].
+    #[doc(hidden)]
     pub fn with_assumed_zone(
         program: &Program,
         cell: &Cell,

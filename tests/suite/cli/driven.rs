@@ -147,7 +147,7 @@ fn logs_that_cannot_be_used_are_refused() {
     assert!(without_time.contains("`time_s` is missing") && without_time.contains("none.csv"), "{without_time}");
     bench.write("far.mod", text.replace("1100.0,0.0,900", "1100.0,-300.0,900"));
     assert!(refused("--log p.mod l.csv --log p.mod l.csv").contains("this log is given twice"));
-    bench.write("m.csv", log(&text, &PathLaw { stop: 0.1, ..PathLaw::TYPICAL }));
+    bench.write("m.csv", log(&text, &PathLaw { acceleration: 5.0, ..PathLaw::TYPICAL }));
     assert!(refused("--log far.mod l.csv --log p.mod m.csv").contains("the axes do not pass the first"));
 }
 

@@ -94,6 +94,7 @@ pub enum Defined {
 /// let outcome = deflex_lang::run::run(&program, &tp).unwrap();
 /// let held = Held(&outcome.motions[0]);
 /// assert_eq!((held.via(), held.end(), held.selected(Frame::Tool)), (Some(1), Some(3), Some(2)));
+/// assert!(held.origins().is_empty() && held.offset_mm().is_none()); // no position register
 /// assert!(held.displaced().is_none() && held.defined(Frame::Tool, 2) == Defined::InCell && held.mark() == Ok(None));
 /// ```
 #[derive(Clone, Copy, Debug)]

@@ -20,6 +20,7 @@ use std::ops::Range;
 /// let lines = lines::statements(text, 0..text.len());
 /// let StatementKind::Motion(motion) = kind(&lines[0]) else { panic!("a motion") };
 /// assert_eq!(motion.speed, Some(deflex_lang::tp::Speed::Number(10.0)));
+/// assert!(motion.shifted().is_none()); // no `Offset,PR[1]`
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion<'a> {
