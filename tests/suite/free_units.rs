@@ -169,14 +169,14 @@ fn a_track_is_sent_where_the_arm_is_stiff() {
 
 #[test]
 fn a_table_turns_the_part_to_where_the_arm_is_stiff() {
-    let table = TABLE.replace("360.0", "90.0");
+    let table = TABLE.replace("360.0", "30.0");
     let sections = format!("{ON_TABLE}{}", free(&table));
     let cell_free = cell("spin = \"stiffest\"\n", &sections);
     let chosen = rms(&errors(&predict(&path(&cell_free), &cell_free, &Options::default(), None).unwrap()));
     let turns: Vec<f64> = (0..8).map(|k| 45.0 * f64::from(k)).collect();
-    let places: Vec<f64> = (0..7).map(|k| 25.0 * f64::from(k) - 75.0).collect();
+    let places: Vec<f64> = (0..5).map(|k| 15.0 * f64::from(k) - 30.0).collect();
     let best = least(&turns, ("eax_b", &places, 5.0), &format!("{ON_TABLE}{table}"));
-    let stands = cell("spin = \"stiffest\"\nexternal = { eax_b = 75.0 }\n", &format!("{ON_TABLE}{table}"));
+    let stands = cell("spin = \"stiffest\"\nexternal = { eax_b = 30.0 }\n", &format!("{ON_TABLE}{table}"));
     let from = rms(&errors(&predict(&path(&stands), &stands, &Options::default(), None).unwrap()));
     assert!(from - chosen >= 0.9 * (from - best), "{from} {chosen} {best}");
     assert!(chosen <= from.min(best), "{from} {chosen} {best}");
@@ -185,8 +185,8 @@ fn a_table_turns_the_part_to_where_the_arm_is_stiff() {
 #[test]
 fn two_units_are_chosen_in_one_search() {
     // The robot on a track and the part on a table: neither alone, nor both where they stand, is as stiff.
-    let track = TRACK.replace("min = -2000.0", "min = 0.0").replace("max = 2000.0", "max = 500.0");
-    let table = TABLE.replace("min = -360.0", "min = -30.0").replace("max = 360.0", "max = 30.0");
+    let track = TRACK.replace("min = -2000.0", "min = 0.0").replace("max = 2000.0", "max = 300.0");
+    let table = TABLE.replace("min = -360.0", "min = -20.0").replace("max = 360.0", "max = 20.0");
     let chosen = |external: &str, units: String| {
         let cell = cell(&format!("spin = \"stiffest\"\n{external}\n"), &format!("{ON_TABLE}{units}"));
         let there = predict(&path(&cell), &cell, &Options::default(), None).unwrap();
@@ -198,9 +198,9 @@ fn two_units_are_chosen_in_one_search() {
         let external = format!("external = {{ eax_a = {:?}, eax_b = {:?} }}", external[0], external[1]);
         chosen(&external, format!("{track}{table}")).0
     };
-    let corners = [[0.0, -30.0], [0.0, 30.0], [500.0, -30.0], [500.0, 30.0]].map(standing);
+    let corners = [[0.0, -20.0], [0.0, 20.0], [300.0, -20.0], [300.0, 20.0]].map(standing);
     let least = corners.into_iter().fold(f64::INFINITY, f64::min);
-    let middle = standing([250.0, 0.0]);
+    let middle = standing([150.0, 0.0]);
     assert!(both <= 1.01 * least && both < 0.95 * middle, "{both} {corners:?} {middle}");
 }
 
