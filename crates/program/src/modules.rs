@@ -229,7 +229,7 @@ impl<'a> Modules<'a> {
             lines.push("MODULE deflex_others".to_owned());
             lines.extend(declared.iter().map(persistent));
             lines.push("PROC deflex_others()".to_owned());
-            lines.extend(read.iter().map(|name| format!("TPWrite {name};")));
+            lines.extend(read.iter().map(|name| format!("Write deflex_value,{name};")));
             lines.extend(changed.iter().map(|name| sets(name)));
             lines.push("ENDPROC\nENDMODULE\nMODULE deflex_tasks".to_owned());
             lines.extend(shared.iter().map(persistent));
