@@ -25,7 +25,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     let (form, kind) = formats(args)?;
     let context = Context::read(&args.context)?;
     let piped = Piped::new(&args.inputs)?;
-    let jobs = jobs(piped.as_ref(), &args.inputs, kind, args.reports.keep_going);
+    let jobs = jobs(piped.as_ref(), &args.inputs, kind, args.reports.keep_going, &context);
     let (mut setup, (jobs, failed)) = both(setup(&args.model, context, args.correct, &args.reports), jobs)?;
     setup.cell = limited(&setup.cell, &args.tolerances(), args.against.is_some())?;
     // The verdicts in words make room for a report on stdout.

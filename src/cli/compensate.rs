@@ -20,9 +20,10 @@ use indicatif::ProgressBar;
 use std::path::PathBuf;
 
 pub(super) fn run(args: &Compensate) -> Outcome {
-    let setup = setup(&args.model, Context::read(&args.reading.context)?, args.correct, &args.reports);
+    let context = Context::read(&args.reading.context)?;
     let piped = Piped::new(&args.inputs)?;
-    let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going);
+    let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going, &context);
+    let setup = setup(&args.model, context, args.correct, &args.reports);
     let (mut setup, (jobs, failed)) = both(setup, jobs)?;
     setup.options.subdivide = args.subdivide.map(|mm| 1e-3 * mm);
     setup.options.allow_clones = args.allow_clones;
