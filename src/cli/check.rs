@@ -48,7 +48,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     let mut printed = setup.notes();
     for Checked { found, outputs: staged, rows: report } in checked {
         add_notes(&mut printed, found.notes);
-        outputs.append(staged)?;
+        outputs.append(staged, &found.file.path)?;
         files.push(found.file);
         rows.extend(report);
         paths.extend(found.path);
