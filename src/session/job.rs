@@ -357,4 +357,22 @@ mod tests {
         // Files of one program are read as one, whatever they declare.
         assert!(Job::one(inputs()).unwrap().context.is_empty());
     }
+
+    #[test]
+    fn inputs_that_a_file_of_the_context_calls_are_one_program() {
+        let part = |name: &str| format!("MODULE m{name}\nPROC {name}()\nENDPROC\nENDMODULE\n");
+        let inputs = || vec![job("one.mod", &part("rOne")), job("two.mod", &part("rTwo"))];
+        let main =
+            |body: &str| Source::new("main.mod", format!("MODULE Cell\nPROC main()\n{body}\nENDPROC\nENDMODULE\n"));
+        let names = |given: Vec<Source>| {
+            let jobs = grouped(inputs(), &Context::from(given)).unwrap();
+            jobs.into_iter().map(|job| job.name).collect::<Vec<_>>()
+        };
+        assert_eq!(names(vec![main("rOne;\nrTwo;")]), ["one.mod + two.mod"]);
+        assert_eq!(names(vec![main("rOne;")]), ["one.mod", "two.mod"]);
+        // A file that the command names twice is read once, and a cell or data of other languages call nothing.
+        let given =
+            vec![Source::new("one.mod", part("rOne")), Source::new("cell.src", "DEF cell()\nrOne()\nrTwo()\nEND\n")];
+        assert_eq!(names([given, vec![main("rOne;\nrTwo;")]].concat()), ["one.mod + two.mod"]);
+    }
 }
