@@ -1,10 +1,11 @@
 //! `--against`: the programs as they were before a correction.
 
-use crate::session::job::{Job, jobs};
+use crate::session::job::Job;
+use crate::session::read::all;
 use crate::session::setup::Setup;
 use deflex::program::{Language, Program};
 use deflex::text::Diagnostic;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// `--against`: one original, or a folder with an original of each program's name.
 pub(super) struct Originals<'a> {
@@ -37,8 +38,9 @@ impl<'a> Originals<'a> {
         // What is read with the corrected program is read with its original.
         let read_alike = |original: Job| original.with_context_of(job);
         if path.is_dir() {
-            let files: Vec<PathBuf> = job.files.iter().map(|file| path.join(file)).collect();
-            return Ok(jobs(&files, self.format)?.into_iter().next().map(read_alike));
+            // The originals are one program, because the corrected files are.
+            let files = all(job.files.iter().map(|file| Job::of(&path.join(file), self.format)))?;
+            return Job::one(files).map(read_alike).map(Some);
         }
         Job::of(path, self.format).map(read_alike).map(Some)
     }

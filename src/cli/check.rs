@@ -25,7 +25,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     let (form, kind) = formats(args)?;
     let context = Context::read(&args.context)?;
     let piped = Piped::new(&args.inputs)?;
-    let jobs = jobs(piped.as_ref(), &args.inputs, kind, args.reports.keep_going);
+    let jobs = jobs(piped.as_ref(), &args.inputs, kind, args.reports.keep_going, &context);
     let (mut setup, (jobs, failed)) = both(setup(&args.model, context, args.correct, &args.reports), jobs)?;
     setup.cell = limited(&setup.cell, &args.tolerances(), args.against.is_some())?;
     // The verdicts in words make room for a report on stdout.
@@ -48,7 +48,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     let mut printed = setup.notes();
     for Checked { found, outputs: staged, rows: report } in checked {
         add_notes(&mut printed, found.notes);
-        outputs.append(staged)?;
+        outputs.append(staged, &found.file.path)?;
         files.push(found.file);
         rows.extend(report);
         paths.extend(found.path);

@@ -1,7 +1,7 @@
 //! `compensate`: writes programs with the correction in them.
 
 use super::args::Compensate;
-use super::batch::{self, Batch, default_report, in_one_file, post_options};
+use super::batch::{self, Batch, in_one_file, post_options, shared_names};
 use super::piped::{Piped, jobs};
 use super::report::joined;
 use super::run::{Done, each, finish, origins};
@@ -20,9 +20,10 @@ use indicatif::ProgressBar;
 use std::path::PathBuf;
 
 pub(super) fn run(args: &Compensate) -> Outcome {
-    let setup = setup(&args.model, Context::read(&args.reading.context)?, args.correct, &args.reports);
+    let context = Context::read(&args.reading.context)?;
     let piped = Piped::new(&args.inputs)?;
-    let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going);
+    let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going, &context);
+    let setup = setup(&args.model, context, args.correct, &args.reports);
     let (mut setup, (jobs, failed)) = both(setup, jobs)?;
     setup.options.subdivide = args.subdivide.map(|mm| 1e-3 * mm);
     setup.options.allow_clones = args.allow_clones;
@@ -36,6 +37,7 @@ pub(super) fn run(args: &Compensate) -> Outcome {
         outputs: &outputs,
         path: args.reports.html.as_ref().map(|_| PathTrace::new(PathKind::Compensate, jobs.len())),
         programs: jobs.len(),
+        shared: shared_names(&jobs),
     };
     let done = each(jobs, (args.common.quiet, args.reports.keep_going), failed, |job, bar| {
         job.marked()?;
@@ -82,7 +84,7 @@ impl Batch<'_> {
         let mut done =
             Done::new((&name, PathKind::Compensate), &program, corrected, outputs, self.path.clone(), noticed)?;
         done.notes.extend(notes);
-        if let (Some(path), Some(rows)) = (default_report(args, &stem), &done.rows) {
+        if let (Some(path), Some(rows)) = (self.default_report(&stem), &done.rows) {
             joined(&mut done.outputs, &path, std::slice::from_ref(rows))?;
         }
         match (&args.reports.report, &mut done.rows) {

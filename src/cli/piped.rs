@@ -1,5 +1,6 @@
 //! Stores a program that comes through a pipe, because a pipe can be read only once.
 
+use crate::session::input::Context;
 use crate::session::job::{self, Job, Looked};
 use crate::session::output::{Temporary, is_stdout};
 use crate::session::text::Text;
@@ -48,10 +49,11 @@ pub(super) fn jobs(
     inputs: &[PathBuf],
     format: Option<Language>,
     keep_going: bool,
+    context: &Context,
 ) -> Result<Looked, Vec<Diagnostic>> {
     match piped {
         Some(piped) => piped.job(format).map(|job| (vec![job], Vec::new())),
-        None if keep_going => job::jobs_that_can_be(inputs, format),
-        None => job::jobs(inputs, format).map(|jobs| (jobs, Vec::new())),
+        None if keep_going => job::jobs_that_can_be(inputs, format, context),
+        None => job::jobs(inputs, format, context).map(|jobs| (jobs, Vec::new())),
     }
 }

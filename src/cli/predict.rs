@@ -23,9 +23,10 @@ use std::io::{IsTerminal, stdout};
 use std::path::PathBuf;
 
 pub(super) fn run(args: &Predict) -> Outcome {
-    let setup = setup(&args.model, Context::read(&args.reading.context)?, args.correct, &args.reports);
+    let context = Context::read(&args.reading.context)?;
     let piped = Piped::new(&args.inputs)?;
-    let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going);
+    let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, args.reports.keep_going, &context);
+    let setup = setup(&args.model, context, args.correct, &args.reports);
     let (setup, (jobs, failed)) = both(setup, jobs)?;
     let mut reports = args.reports.clone();
     let path_to_stdout = to_stdout([args.path.as_ref()]);

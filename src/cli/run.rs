@@ -170,7 +170,7 @@ pub(super) fn finish(
     let mut notes = setup.notes();
     let (mut rows, mut summaries, mut texts, mut paths) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for program in done {
-        outputs.append(program.outputs)?;
+        outputs.append(program.outputs, &program.summary.path)?;
         notes.extend(program.notes.into_iter().filter(|note| !notes.contains(note)).collect::<Vec<_>>());
         rows.extend(program.rows);
         paths.extend(program.path.map(|path| (program.summary.clone(), path)));

@@ -20,10 +20,11 @@ use std::sync::Arc;
 
 pub(super) fn run(args: &Simulate) -> Outcome {
     let reports = args.reports();
-    let setup = setup(&args.model, Context::read(&args.reading.context)?, Corrected::Pose, &reports);
+    let context = Context::read(&args.reading.context)?;
     let piped = Piped::new(&args.inputs)?;
     // `simulate` leaves no input out: a file that cannot be understood stops the run.
-    let (setup, (jobs, _)) = both(setup, jobs(piped.as_ref(), &args.inputs, args.reading.format, false))?;
+    let jobs = jobs(piped.as_ref(), &args.inputs, args.reading.format, false, &context);
+    let (setup, (jobs, _)) = both(setup(&args.model, context, Corrected::Pose, &reports), jobs)?;
     let several = jobs.len() > 1 && (args.stl.is_some() || args.html.is_some() || args.report.is_some());
     if several {
         let message = "--stl, --html and --report take one program, but there are several inputs";

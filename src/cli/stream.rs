@@ -1,6 +1,6 @@
 //! `compensate` for long programs: copies from file to file in constant memory.
 
-use super::batch::{Batch, default_report, in_one_file, place, post_options};
+use super::batch::{Batch, in_one_file, place, post_options};
 use super::predicted::Passed;
 use super::progress;
 use super::report::ProgramReports;
@@ -92,7 +92,7 @@ impl<'a> Long<'a> {
     /// Opens the reports of the program. Refuses a report that has the same path as the program.
     fn reports(&mut self, file: &Path) -> Result<ProgramReports<'a>, Vec<Diagnostic>> {
         let (args, programs) = (self.batch.args, self.batch.programs);
-        let default = default_report(args, file);
+        let default = self.batch.default_report(file);
         ProgramReports::open(
             default,
             args.reports.report.as_deref(),

@@ -1,5 +1,6 @@
 //! Finds out which files form one program, and their language. The files are not parsed yet.
 
+use super::input::Context;
 use super::read::{all, parted, source};
 use super::text::Text;
 use deflex::program::cl::ClOptions;
@@ -60,7 +61,7 @@ impl Job {
 
     /// The one program that these files form; an error if they are several programs.
     pub(crate) fn one(jobs: Vec<Self>) -> Result<Self, Vec<Diagnostic>> {
-        let jobs = grouped(jobs)?;
+        let jobs = grouped(jobs, &Context::default())?;
         let are_modules = |job: &Self| job.language == jobs[0].language && job.language.about().has_modules;
         if jobs.len() > 1 && !jobs.iter().all(are_modules) {
             let message = "several files are one program only if all of them are modules of one language";
@@ -224,21 +225,29 @@ pub(crate) fn belongs_to_another(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("dat")) && with_ending(path, "src").is_some()
 }
 
-/// Groups input files into programs.
-pub(crate) fn jobs(inputs: &[PathBuf], format: Option<Language>) -> Result<Vec<Job>, Vec<Diagnostic>> {
-    grouped(all(inputs.iter().map(|path| Job::of(path, format)))?)
+/// Groups input files into programs. Those that a file of the context calls are one program.
+pub(crate) fn jobs(
+    inputs: &[PathBuf],
+    format: Option<Language>,
+    context: &Context,
+) -> Result<Vec<Job>, Vec<Diagnostic>> {
+    grouped(all(inputs.iter().map(|path| Job::of(path, format)))?, context)
 }
 
 /// Groups the input files that can be read, and returns the errors of the others.
-pub(crate) fn jobs_that_can_be(inputs: &[PathBuf], format: Option<Language>) -> Result<Looked, Vec<Diagnostic>> {
+pub(crate) fn jobs_that_can_be(
+    inputs: &[PathBuf],
+    format: Option<Language>,
+    context: &Context,
+) -> Result<Looked, Vec<Diagnostic>> {
     let (jobs, failed) = parted(inputs.iter().map(|path| Job::of(path, format)));
-    Ok((grouped(jobs)?, failed))
+    Ok((grouped(jobs, context)?, failed))
 }
 
 /// Programs, and the errors of inputs that cannot be read.
 pub(crate) type Looked = (Vec<Job>, Vec<Diagnostic>);
 
-fn grouped(mut jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
+fn grouped(mut jobs: Vec<Job>, context: &Context) -> Result<Vec<Job>, Vec<Diagnostic>> {
     // Data files that the user gave in addition to the program to which they belong.
     let with: BTreeSet<String> =
         jobs.iter().flat_map(|job| &job.texts[1..]).map(|text| text.name().to_owned()).collect();
@@ -248,10 +257,14 @@ fn grouped(mut jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     }
     let is_single = |job: &Job| job.language.about().has_modules && !job.listed;
     let (modules, others): (Vec<_>, Vec<_>) = jobs.into_iter().enumerate().partition(|(_, job)| is_single(job));
-    let names = all(modules.par_iter().map(|(_, job)| job.names()).collect::<Vec<_>>())?;
+    let mut names = all(modules.par_iter().map(|(_, job)| job.names()).collect::<Vec<_>>())?;
+    let is_input =
+        |source: &Source| modules.iter().any(|(_, job)| job.texts.iter().any(|text| text.name() == source.name));
+    let given = context.sources().iter().filter(|source| !is_input(source));
+    names.extend(all(given.filter_map(module_names))?);
     let mut out = others;
     connect(&mut out)?;
-    for ModuleGroup { members, context, others } in group_modules(&names) {
+    for ModuleGroup { members, context, others } in group_modules(&names, modules.len()) {
         let members = members.into_iter().map(|i| modules[i].clone());
         let context = context.into_iter().flat_map(|i| modules[i].1.texts.clone());
         let context: Vec<Text> = context.chain(others.map(Text::Held)).collect();
@@ -260,6 +273,14 @@ fn grouped(mut jobs: Vec<Job>) -> Result<Vec<Job>, Vec<Diagnostic>> {
     }
     out.sort_by_key(|(place, _)| *place);
     Ok(out.into_iter().map(|(_, job)| job).collect())
+}
+
+/// Names of a module of the context; `None` if it is no module.
+fn module_names(source: &Source) -> Option<Result<ModuleNames, Vec<Diagnostic>>> {
+    let language = detect(&source.name, &source.bytes).filter(|language| language.about().has_modules)?;
+    let mut names = ModuleNames::new(language);
+    let read = names.read(&source.bytes[..]);
+    Some(read.map(|()| names).map_err(|error| cannot_read(&source.name, &error)))
 }
 
 /// Gives each program the others that it calls, with those that they call, and the name of one that calls it.
@@ -304,7 +325,7 @@ fn unknown_language(head: &Source) -> Vec<Diagnostic> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::input::{Context, program_alone};
+    use crate::session::input::program_alone;
 
     fn job(name: &str, text: &str) -> Job {
         Job::of_text(Text::Held(Source::new(name, text)), Path::new(name), None).unwrap()
@@ -319,7 +340,7 @@ mod tests {
         };
         let data = "MODULE Data\nPERS tooldata tM:=[TRUE,[[0,0,310],[1,0,0,0]],[18,[0,0,120],[1,0,0,0],0,0,0]];\nPERS wobjdata wP:=[FALSE,TRUE,\"\",[[0,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];\nPROC rCut(PERS wobjdata w)\nENDPROC\nENDMODULE\n";
         let inputs = || vec![job("one.mod", &part("One")), job("two.mod", &part("Two")), job("data.mod", data)];
-        let jobs = grouped(inputs()).unwrap();
+        let jobs = grouped(inputs(), &Context::default()).unwrap();
         let names: Vec<&str> = jobs.iter().map(|job| &job.name[..]).collect();
         assert_eq!(names, ["one.mod + data.mod", "two.mod"]);
         let context = |job: &Job| job.context.iter().map(|text| text.name().to_owned()).collect::<Vec<_>>();
@@ -335,5 +356,23 @@ mod tests {
         }
         // Files of one program are read as one, whatever they declare.
         assert!(Job::one(inputs()).unwrap().context.is_empty());
+    }
+
+    #[test]
+    fn inputs_that_a_file_of_the_context_calls_are_one_program() {
+        let part = |name: &str| format!("MODULE m{name}\nPROC {name}()\nENDPROC\nENDMODULE\n");
+        let inputs = || vec![job("one.mod", &part("rOne")), job("two.mod", &part("rTwo"))];
+        let main =
+            |body: &str| Source::new("main.mod", format!("MODULE Cell\nPROC main()\n{body}\nENDPROC\nENDMODULE\n"));
+        let names = |given: Vec<Source>| {
+            let jobs = grouped(inputs(), &Context::from(given)).unwrap();
+            jobs.into_iter().map(|job| job.name).collect::<Vec<_>>()
+        };
+        assert_eq!(names(vec![main("rOne;\nrTwo;")]), ["one.mod + two.mod"]);
+        assert_eq!(names(vec![main("rOne;")]), ["one.mod", "two.mod"]);
+        // A file that the command names twice is read once, and a cell or data of other languages call nothing.
+        let given =
+            vec![Source::new("one.mod", part("rOne")), Source::new("cell.src", "DEF cell()\nrOne()\nrTwo()\nEND\n")];
+        assert_eq!(names([given, vec![main("rOne;\nrTwo;")]].concat()), ["one.mod + two.mod"]);
     }
 }

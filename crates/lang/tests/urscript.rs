@@ -1,7 +1,7 @@
 //! Hand-solved URScript programs.
 
 use deflex_lang::Reason;
-use deflex_lang::ir::{Path, Program};
+use deflex_lang::ir::{Path, Program, Switch};
 use deflex_lang::run::{Moved, Predecessor, run};
 use deflex_lang::shared::{Editable, editable};
 use deflex_lang::urscript::{UrScript, read};
@@ -173,4 +173,30 @@ fn what_does_not_close_is_refused() {
     }
     assert!(read(&["if True:\n".repeat(100_000).as_bytes()], 1).is_err());
     assert!(read(&[format!("x = {}1\n", "(".repeat(100_000)).as_bytes()], 1).is_ok());
+}
+
+#[test]
+fn what_the_controller_computes_and_its_signals_leave_the_tool() {
+    let knows_tool = |call: &str| {
+        let ran = ran(&format!("set_tcp(p[0,0,0.1,0,0,0])\n{call}\nmovel(p[1,0,0,0,0,0])\n"));
+        ran.motions[0].switches[Switch::Tool as usize].pose().is_some()
+    };
+    for call in [
+        "J = get_jacobian([0,0,0,0,0,0])",
+        "J = get_jacobian_time_derivative()",
+        "M = get_mass_matrix([0,0,0,0,0,0], True)",
+        "C = get_coriolis_and_centrifugal_torques()",
+        "modbus_add_rw_signal(\"172.140.17.11\", 255, 5, 10, 15, 10, \"output1\")",
+        "t = modbus_get_time_since_signal_invalid(\"output1\")",
+        "global written = eip_writer_factory(\"101\", 88)",
+        "global status = eip_reader_factory(\"111\", 44)",
+    ] {
+        assert!(knows_tool(call), "{call}");
+    }
+    assert!(!knows_tool("get_jacobians()"));
+    // A torque drives the arm to where only the run shows it.
+    let ran = ran("movel(p[1,0,0,0,0,0])\ndirect_torque([0,0,0,0,0,0], friction_comp=True)\nmovel(p[2,0,0,0,0,0])\n");
+    assert_eq!(ran.motions[1].path, Path::Unknown(Reason::Follows));
+    assert_eq!(ran.motions[2].from, Predecessor::Unknown);
+    assert_eq!(ran.edits, [Editable::Pose, Editable::No(Reason::Follows), Editable::Pose]);
 }

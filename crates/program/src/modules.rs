@@ -25,11 +25,16 @@ pub struct ModuleGroup {
 ///
 /// Two modules belong together if one uses a name, or the beginning of a name, that it does not declare and exactly one other module declares.
 /// Modules with the same name, or with a `main` each, are different programs: one is then context of the other.
+///
+/// The first `count` modules are grouped. The others are only read: they join the modules whose routines they call.
 #[must_use]
 #[doc(hidden)]
-pub fn group_modules(names: &[ModuleNames]) -> Vec<ModuleGroup> {
-    let mut modules = Modules::new(names);
+pub fn group_modules(names: &[ModuleNames], count: usize) -> Vec<ModuleGroup> {
+    let mut modules = Modules::new(&names[..count]);
     modules.join();
+    if count < names.len() {
+        modules.join_by_callers(&Modules::new(names));
+    }
     let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (i, g) in modules.group.iter().enumerate() {
         groups.entry(*g).or_default().push(i);
@@ -83,17 +88,54 @@ impl<'a> Modules<'a> {
         for i in 0..self.names.len() {
             for name in self.foreign(i) {
                 if let [owner] = self.owners_for(i, name)[..] {
-                    let (a, b) = (self.group[i], self.group[owner]);
-                    let members: Vec<usize> =
-                        (0..self.names.len()).filter(|&m| self.group[m] == a || self.group[m] == b).collect();
-                    if a != b && fit(self.names, &members) {
-                        for m in members {
-                            self.group[m] = a.min(b);
-                        }
-                    }
+                    self.unite(i, owner, None);
                 }
             }
         }
+    }
+
+    /// Joins the modules whose routines a module of the context calls: only together they show from which states it calls them. `all` are
+    /// these modules, and those of the context after them.
+    fn join_by_callers(&mut self, all: &Self) {
+        let calls: Vec<BTreeSet<usize>> = (0..all.names.len()).map(|module| all.calls(module)).collect();
+        let inputs = self.names.len();
+        for caller in inputs..all.names.len() {
+            let (mut reached, mut open) = (BTreeSet::from([caller]), vec![caller]);
+            while let Some(module) = open.pop() {
+                open.extend(calls[module].iter().filter(|called| reached.insert(**called) && **called >= inputs));
+            }
+            reached.retain(|module| *module < inputs);
+            if !reached.is_empty() {
+                reached.extend((0..inputs).filter(|input| calls[*input].contains(&caller)));
+            }
+            let reached: Vec<usize> = reached.into_iter().collect();
+            for (i, one) in reached.iter().enumerate() {
+                reached[..i].iter().for_each(|other| self.unite(*other, *one, Some(&all.names[caller])));
+            }
+        }
+    }
+
+    /// Joins the programs of two modules, if they and the module that calls both can be loaded into one task.
+    fn unite(&mut self, one: usize, other: usize, caller: Option<&ModuleNames>) {
+        let (a, b) = (self.group[one], self.group[other]);
+        if a == b {
+            return;
+        }
+        let members: Vec<usize> = (0..self.names.len()).filter(|&m| self.group[m] == a || self.group[m] == b).collect();
+        if fit(members.iter().map(|&m| &self.names[m]).chain(caller)) {
+            for m in members {
+                self.group[m] = a.min(b);
+            }
+        }
+    }
+
+    /// The modules whose routines a module calls.
+    fn calls(&self, module: usize) -> BTreeSet<usize> {
+        let called = |name: &str| match self.owners_for(module, name)[..] {
+            [owner] => (self.names[owner].declared.get(name) == Some(&Declared::Routine)).then_some(owner),
+            _ => None,
+        };
+        self.foreign(module).into_iter().filter_map(called).collect()
     }
 
     /// Names that a module uses and does not declare.
@@ -229,7 +271,7 @@ impl<'a> Modules<'a> {
             lines.push("MODULE deflex_others".to_owned());
             lines.extend(declared.iter().map(persistent));
             lines.push("PROC deflex_others()".to_owned());
-            lines.extend(read.iter().map(|name| format!("TPWrite {name};")));
+            lines.extend(read.iter().map(|name| format!("Write deflex_value,{name};")));
             lines.extend(changed.iter().map(|name| sets(name)));
             lines.push("ENDPROC\nENDMODULE\nMODULE deflex_tasks".to_owned());
             lines.extend(shared.iter().map(persistent));
@@ -279,11 +321,12 @@ fn names_with<'a>(owners: &BTreeMap<&'a str, Vec<usize>>, beginning: &'a str) ->
 }
 
 /// Whether modules can be loaded into one task.
-fn fit(names: &[ModuleNames], members: &[usize]) -> bool {
+fn fit<'a>(members: impl Iterator<Item = &'a ModuleNames>) -> bool {
+    let members: Vec<&ModuleNames> = members.collect();
     let mut modules = BTreeSet::new();
-    let one = members.iter().all(|&m| names[m].language == names[members[0]].language);
-    let distinct = members.iter().all(|&m| modules.insert(&names[m].module));
-    one && distinct && members.iter().filter(|&&m| names[m].declared.contains_key("MAIN")).count() <= 1
+    let one = members.iter().all(|module| module.language == members[0].language);
+    let distinct = members.iter().all(|module| modules.insert(&module.module));
+    one && distinct && members.iter().filter(|module| module.declared.contains_key("MAIN")).count() <= 1
 }
 
 #[cfg(test)]
@@ -300,12 +343,17 @@ mod tests {
     }
 
     fn with_context(language: Language, texts: &[&str]) -> Vec<ModuleGroup> {
+        with_callers(language, texts, &[])
+    }
+
+    /// The programs that the texts form, if the command names `given` with `--context`.
+    fn with_callers(language: Language, texts: &[&str], given: &[&str]) -> Vec<ModuleGroup> {
         let names = |text: &&str| {
             let mut names = ModuleNames::new(language);
             names.read(text.as_bytes()).unwrap();
             names
         };
-        group_modules(&texts.iter().map(names).collect::<Vec<_>>())
+        group_modules(&texts.iter().chain(given).map(names).collect::<Vec<_>>(), texts.len())
     }
 
     /// Members and context of each program.
@@ -323,7 +371,7 @@ mod tests {
             let options = ReadOptions { cl: &ClOptions::default(), look: false };
             crate::read(language, members, context, &options).unwrap()
         };
-        with_context(language, texts).into_iter().map(program).collect()
+        with_callers(language, texts, given).into_iter().map(program).collect()
     }
 
     /// How many targets of a program may be edited, and how many may not.
@@ -524,6 +572,61 @@ mod tests {
         let data = "MODULE Data\n PERS tooldata tMill:=[];\n TASK PERS robtarget p10:=[];\nENDMODULE\n";
         assert_eq!(groups(&[main, path, data]), [[0, 1, 2]]);
         assert_eq!(groups(&[data, path, main]), [[0, 1, 2]]);
+    }
+
+    #[test]
+    fn programs_with_a_caller_in_the_context_are_one_program() {
+        let members = |texts: &[&str], given: &[&str]| -> Vec<Vec<usize>> {
+            with_callers(Language::Krl, texts, given).into_iter().map(|group| group.members).collect()
+        };
+        let cuts = |name: &str| {
+            format!(
+                "DEF {name}()\n$TOOL=TOOL_DATA[1]\n$BASE=BASE_DATA[1]\nLIN {{X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 180.0}}\nEND\n"
+            )
+        };
+        let (one, two) = (cuts("XA"), cuts("XB"));
+        let cell = "DEF cell()\nLOOP\nIF $IN[1] THEN\nxa()\nENDIF\nIF $IN[2] THEN\nxb()\nENDIF\nENDLOOP\nEND\n";
+        assert_eq!(members(&[&one, &two], &[cell]), [[0, 1]]);
+        let programs = read(Language::Krl, &[&one, &two], &[cell]);
+        assert_eq!((programs.len(), edited(&programs[0])), (1, [2, 0]));
+        assert!(
+            programs[0].diagnostics.iter().all(|d| d.code != "krl.unknown-routine"),
+            "{:?}",
+            programs[0].diagnostics
+        );
+        // What one leaves behind counts for the other one.
+        let sets = one.replace("END\n", "BASE_DATA[1].X=$POS_ACT.X\nEND\n");
+        assert_eq!(edited(&read(Language::Krl, &[&sets, &two], &[cell])[0]), [0, 2]);
+        // The cell may call one of them by another routine of the context, or by another input.
+        let first = "DEF cell()\nxa()\nmenu()\nEND\n";
+        let menu = "DEF menu()\nxb()\nEND\n";
+        assert_eq!(members(&[&one, &two], &[menu, first]), [[0, 1]]);
+        assert_eq!(members(&[&one.replace("END\n", "menu()\nEND\n"), &two], &[menu]), [[0, 1]]);
+        // A library of routines and data that several programs use joins none of them.
+        let uses = ["XA", "XB"].map(|name| cuts(name).replace("END\n", "lib(XP1)\nEND\n"));
+        let library =
+            ["DEF lib(P:IN)\nWAIT SEC 1\nEND\n", "DEFDAT data PUBLIC\nDECL GLOBAL E6POS XP1={X 0.0}\nENDDAT\n"];
+        assert_eq!(members(&[&uses[0], &uses[1]], &library), [[0], [1]]);
+        // Neither do a copy of an input, and a call of a routine that two inputs have.
+        assert_eq!(members(&[&one, &two], &[&one.replace("END\n", "xb()\nEND\n")]), [[0], [1]]);
+        assert_eq!(members(&[&one, &one, &two], &[cell]), [[0], [1], [2]]);
+    }
+
+    #[test]
+    fn programs_with_a_caller_in_the_context_have_one_main() {
+        let cuts = |name: &str, routine: &str| {
+            let body = format!("MoveL {AT},v50,fine,tM\\WObj:=wP;");
+            part(name, "", &body).replace("main()", &format!("{routine}()"))
+        };
+        let (one, two) = (cuts("One", "rOne"), cuts("Two", "rTwo"));
+        let main = part("Cell", FRAMES, "IF DInput(di1)=1 rOne;\nIF DInput(di2)=1 rTwo;");
+        let programs = read(Language::Rapid, &[&one, &two], &[&main]);
+        assert_eq!((programs.len(), edited(&programs[0])), (1, [2, 0]));
+        assert!(programs[0].diagnostics.iter().all(|d| d.code != "rapid.undeclared"), "{:?}", programs[0].diagnostics);
+        let displaces = two.replace("ENDPROC", "PDispOn p1,tM;\nENDPROC");
+        assert_eq!(edited(&read(Language::Rapid, &[&one, &displaces], &[&main])[0]), [1, 1]);
+        let own = two.replace("ENDMODULE", "PROC main()\nENDPROC\nENDMODULE");
+        assert_eq!(read(Language::Rapid, &[&one, &own], &[&main]).len(), 2);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Checks that a program survives a write: without changes the bytes stay, and a shift of all targets is read back.
 
+use super::shared::follows;
 use super::{Change, Editable, Goal, Program, Reason, RewriteOptions, Role, Target};
 use deflex_text::{Diagnostic, Source};
 use std::collections::BTreeSet;
@@ -54,7 +55,7 @@ pub fn round_trip(
     reread: impl FnOnce(Vec<Source>, Vec<Source>) -> Result<Program, Vec<Diagnostic>>,
 ) -> RoundTrip {
     // Nothing is cut here: a target without numbers of its own goes along with those of others.
-    let air = vec![true; program.targets.len()];
+    let air: Vec<bool> = program.targets.iter().map(|target| follows(target.editable)).collect();
     let options = RewriteOptions { air: &air, ..RewriteOptions::default() };
     let unchanged = program.rewrite(&vec![None; program.targets.len()], &[], &options);
     let identical = program.edited(&unchanged.edits).iter().zip(&*program.sources).all(|(a, b)| a.bytes == b.bytes);
@@ -120,13 +121,27 @@ fn difference(
         // An offset counts from its base in the controller's precision.
         let single = if was.editable == Editable::Pose { 0.0 } else { SINGLE };
         if !same(&was.goal, &is.goal, change, single) {
-            return fault(&format!("wanted {:?} with {change:?}, read back {:?}", was.goal, is.goal));
+            let wanted = change.map_or_else(|| place(&was.goal), |change| numbers(&change.position_mm));
+            return fault(&format!("wanted at {wanted}, read back at {}, perhaps turned", place(&is.goal)));
         }
         if (was.role, was.ordinal, was.motion, was.rapid) != (is.role, is.ordinal, is.motion, is.rapid) {
             return fault("another motion");
         }
     }
     None
+}
+
+/// Where a goal is, for people.
+fn place(goal: &Goal) -> String {
+    match goal {
+        Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => numbers(position_mm),
+        Goal::Joints { .. } => "axis angles".to_owned(),
+    }
+}
+
+fn numbers(position_mm: &[f64; 3]) -> String {
+    let [x, y, z] = position_mm;
+    format!("x {x:.4}, y {y:.4}, z {z:.4} mm")
 }
 
 /// Targets of whole motions that end before a line, without the chords of an arc that ends after it.

@@ -908,3 +908,15 @@ fn functions_that_only_return_an_expression_are_followed() {
         assert!(!is_moved(above, &function), "{function}");
     }
 }
+
+#[test]
+fn an_offset_of_a_kept_base_is_written_and_read_back() {
+    let kept = "VAR num y;\nTPReadNum y,\"size\";\nMoveL Offs(p1,0,y,0),v50,fine,tool0;";
+    let p = program(&module(&format!("MoveJ p1,v50,fine,tool0;\nMoveL Offs(p1,0,0,20),v50,fine,tool0;\n{kept}")));
+    assert_eq!(p.targets[1].editable, Editable::Position);
+    holds(&p);
+    // Numbers that several motions share, and one motion that goes along.
+    holds(&program(&module(
+        "MoveJ Offs(p1,0,0,20),v50,fine,tool0;\nMoveL p1,v50,fine,tool0;\nMoveJ p1,v50,fine,tool0;",
+    )));
+}

@@ -277,6 +277,9 @@ fn a_cut_at_a_known_offset_is_edited() {
             &[-2.0, -2.0, -4.0, -4.0, -6.0, -6.0],
         ),
         (format!("{at}L P[2] 400mm/sec FINE Offset,PR[9]\n{CUT}"), &[-2.0, 0.0, 0.0]),
+        // The tool points down.
+        (format!("{at}L P[2] 30mm/sec FINE Tool_Offset,PR[9]\nL P[3] 30mm/sec FINE"), &[2.0, 0.0]),
+        (format!("{at}L P[2] 400mm/sec FINE Tool_Offset,PR[9]\n{CUT}"), &[2.0, 0.0, 0.0]),
     ] {
         let program = program_of(&body, &[]);
         let z = |target: &deflex_program::Target| match target.goal {
@@ -304,6 +307,31 @@ fn passes_whose_corrections_differ_keep_their_position() {
 }
 
 #[test]
+fn an_offset_along_the_tool_turns_with_it() {
+    let program = program_of(&format!("{}L P[2] 30mm/sec FINE Tool_Offset,PR[9]", offset_by("(-2)")), &[]);
+    // From W = 180 to W = 90, about the tip: the axis of the tool then is -y.
+    let half = 0.5_f64.sqrt();
+    let to = Change { position_mm: [200.0, 20.0, 2.0], quat: Some([half, half, 0.0, 0.0]), conf: None, external: None };
+    let rewritten = program.rewrite(&[Some(to)], &[], &RewriteOptions::default());
+    let text = String::from_utf8(applied(&program.sources[0].bytes, &rewritten.edits[0])).unwrap();
+    for number in ["Y = 18.000 mm", "Z = 2.000 mm", "W = 90.000 deg"] {
+        assert!(text.contains(number), "{text}");
+    }
+    let off = (0..3).map(|k| (rewritten.written[0].0[k] - [200.0, 20.0, 2.0][k]).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-4, "{:?}", rewritten.written);
+    // A plain offset does not.
+    let program = program_of(&format!("{}L P[2] 30mm/sec FINE Offset,PR[9]", offset_by("(-2)")), &[]);
+    let to =
+        Change { position_mm: [200.0, 20.0, -2.0], quat: Some([half, half, 0.0, 0.0]), conf: None, external: None };
+    let rewritten = program.rewrite(&[Some(to)], &[], &RewriteOptions::default());
+    let text = String::from_utf8(applied(&program.sources[0].bytes, &rewritten.edits[0])).unwrap();
+    assert!(
+        text.contains("Y = 20.000 mm") && text.contains("Z = 0.000 mm") && text.contains("W = 90.000 deg"),
+        "{text}"
+    );
+}
+
+#[test]
 fn an_offset_that_is_not_known_keeps_the_cut() {
     let at = offset_by("(-2)");
     for other in [
@@ -313,9 +341,7 @@ fn an_offset_that_is_not_known_keeps_the_cut() {
         let body = format!("{at}{other}\nL P[2] 30mm/sec FINE Offset,PR[9]\nL P[3] 30mm/sec FINE");
         assert!(!edits(&body).contains(&2), "{other}");
     }
-    for motion in
-        ["Offset", "Offset,PR[GP2:9]", "Tool_Offset,PR[9]", "Offset,PR[9] Tool_Offset,PR[9]", "Offset,PR[9] INC"]
-    {
+    for motion in ["Offset", "Offset,PR[GP2:9]", "Tool_Offset", "Offset,PR[9] Tool_Offset,PR[9]", "Offset,PR[9] INC"] {
         let body = format!("{at}L P[2] 30mm/sec FINE {motion}\nL P[3] 30mm/sec FINE");
         assert!(!edits(&body).contains(&2), "{motion}");
     }

@@ -63,6 +63,8 @@ struct Staged {
     identity: Identity,
     temporary: Temporary,
     goes: Goes,
+    /// The program of a batch to which it belongs; empty if it belongs to the run.
+    program: String,
 }
 
 /// The way from the temporary file to the target.
@@ -179,14 +181,15 @@ impl Outputs {
             stdout_is_open(path)?;
             let (temporary, file) = Temporary::spool().map_err(|error| cannot_write(path, &error))?;
             let identity = Identity::of(path);
-            self.staged.push(Staged { target: path.to_owned(), identity, temporary, goes: Goes::Copied });
+            let program = String::new();
+            self.staged.push(Staged { target: path.to_owned(), identity, temporary, goes: Goes::Copied, program });
             return Ok(file);
         }
         self.make_folder_of(path).map_err(|error| cannot_write(path, &error))?;
         let target = resolved(path).map_err(|error| cannot_write(path, &error))?;
         let identity = Identity::of(&target);
         not_an_input(path, &identity)?;
-        self.claim(path, &identity)?;
+        self.claim(path, &identity, "")?;
         let (staged, file) = stage(target, identity).map_err(|error| cannot_write(path, &error))?;
         self.staged.push(staged);
         Ok(file)
@@ -209,11 +212,11 @@ impl Outputs {
         self.open(path)
     }
 
-    /// Adds the staged outputs of `other`.
-    pub(crate) fn append(&mut self, mut other: Self) -> Result<(), Vec<Diagnostic>> {
+    /// Adds the staged outputs of a program of a batch.
+    pub(crate) fn append(&mut self, mut other: Self, program: &str) -> Result<(), Vec<Diagnostic>> {
         for staged in std::mem::take(&mut other.staged) {
-            self.claim(&staged.target, &staged.identity)?;
-            self.staged.push(staged);
+            self.claim(&staged.target, &staged.identity, program)?;
+            self.staged.push(Staged { program: program.to_owned(), ..staged });
         }
         self.stdout.append(&mut other.stdout);
         Ok(())
@@ -247,8 +250,12 @@ impl Outputs {
         Ok(())
     }
 
-    fn claim(&self, path: &Path, identity: &Identity) -> Result<(), Vec<Diagnostic>> {
+    fn claim(&self, path: &Path, identity: &Identity, program: &str) -> Result<(), Vec<Diagnostic>> {
         match self.staged.iter().find(|staged| staged.identity == *identity && staged.goes != Goes::Copied) {
+            Some(other) if other.target == path && ![&other.program, program].contains(&"") => {
+                let why = format!("{} and {program} have outputs of this name", other.program);
+                Err(refuse(path, &why, "correct them one by one, into a folder for each"))
+            }
             Some(other) if other.target == path => {
                 Err(refuse(path, "two outputs have this name", "give each output a name of its own"))
             }
@@ -325,14 +332,14 @@ fn stage(target: PathBuf, identity: Identity) -> io::Result<(Staged, File)> {
     }
     if existing.as_ref().is_some_and(|metadata| !metadata.is_file()) {
         let (temporary, file) = Temporary::spool()?;
-        return Ok((Staged { target, identity, temporary, goes: Goes::Copied }, file));
+        return Ok((Staged { target, identity, temporary, goes: Goes::Copied, program: String::new() }, file));
     }
     if let Some(existing) = &existing {
         place::writable(&target, existing)?;
     }
     let (temporary, file) = Temporary::create(folder_of(&target))?;
     let how = existing.map_or(Ok(How::Rename), |existing| place::adopt(&file, &existing))?;
-    Ok((Staged { target, identity, temporary, goes: Goes::Into(how) }, file))
+    Ok((Staged { target, identity, temporary, goes: Goes::Into(how), program: String::new() }, file))
 }
 
 /// Copies a temporary file to a target that cannot be replaced. It is not an error if the reader of stdout has closed

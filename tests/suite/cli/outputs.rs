@@ -112,13 +112,24 @@ fn several_programs_go_to_a_folder_with_their_reports() {
     bench.write("two.mod", PROGRAM.replace("MODULE Part", "MODULE Two"));
     bench.run("compensate part.mod two.mod part.apt --cell cell.toml").exits(2);
     // part.mod and part.apt would both become part.mod.
-    bench.run("compensate part.mod part.apt --cell cell.toml --out-dir out").exits(2);
+    let said = bench.run("compensate part.mod part.apt --cell cell.toml --out-dir out").exits(2).stderr;
+    assert!(said.contains("part.mod and part.apt have outputs of this name"), "{said}");
     assert!(!bench.path("out").exists());
     bench.run("compensate part.mod two.mod --cell cell.toml --out-dir out --report all.csv").exits(0);
     assert_eq!(bench.names("out"), ["part.mod", "part.report.csv", "two.mod", "two.report.csv"]);
     let all = bench.read("all.csv");
     assert!(all.lines().next().unwrap().ends_with(",feed_mm_s,error_part_mm,file"));
     assert_eq!(all.lines().filter(|line| line.ends_with(",two.mod")).count(), 4);
+}
+
+#[test]
+fn programs_whose_names_differ_in_their_ending_have_reports_of_their_own() {
+    let bench = Bench::new();
+    bench.write("part.prg", PROGRAM.replace("MODULE Part", "MODULE Two"));
+    bench.write("two.mod", PROGRAM.replace("MODULE Part", "MODULE Three"));
+    bench.run("compensate part.mod part.prg two.mod --cell cell.toml --out-dir out").exits(0);
+    let names = ["part.mod", "part.mod.report.csv", "part.prg", "part.prg.report.csv", "two.mod", "two.report.csv"];
+    assert_eq!(bench.names("out"), names);
 }
 
 #[test]

@@ -119,7 +119,8 @@ impl Held<'_> {
         item(&self.0.to, 3).map_or_else(Vec::new, |origin| origin.all_reads().tokens().to_vec())
     }
 
-    /// The distance by which `Offset` moves the end, mm, in the user frame; `None` if it is not known, or if the end is also turned.
+    /// The distance by which `Offset` moves the end, mm, in the user frame, or `Tool_Offset` in the axes of the tool there; `None` if it is not
+    /// known, or if the end is also turned.
     #[must_use]
     pub fn offset_mm(self) -> Option<[f64; 3]> {
         let offset = item(&self.0.to, 4)?.pose()?.pose();

@@ -315,7 +315,7 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
                     motion.moves(*why);
                     let register = (spaced(tag(",")), tag_no_case("PR"), brackets).parse(after) as Parsed<'_, _>;
                     let register = register.ok().and_then(|(_, (_, _, within))| of_first_group(within)).map(index);
-                    motion.offset = register.filter(|_| is_first && *why == Reason::MovedByRegister);
+                    motion.offset = register.filter(|_| is_first);
                 }
                 Some(Meaning::Skip) => {
                     motion.moves(Reason::Skip);

@@ -1,7 +1,7 @@
 //! The routines of URScript itself.
 //!
-//! Source: Universal Robots, *The URScript Programming Language*, versions 3.15 and 5.11: modules motion, internals, urmath and
-//! interfaces. A name that is not here may change anything.
+//! Source: Universal Robots, *The URScript Programming Language*, versions 3.15, 5.11 and 5.23: modules motion, internals, urmath
+//! and interfaces, and the Ethernet/IP adapter. A name that is not here may change anything.
 
 /// The effect of a routine of the controller.
 #[derive(Clone, Copy, Debug)]
@@ -85,7 +85,7 @@ const NAMES: [(&str, Builtin); 25] = [
          set_configurable_digital_input_action set_tool_digital_input_action set_gp_boolean_input_action \
          set_safety_mode_transition_hardness set_baselight_iec set_euromap_output set_euromap_runstate_output \
          set_joint_speed_scaling socket_close socket_set_var socket_send_byte socket_send_int socket_send_line \
-         socket_send_string modbus_add_signal modbus_delete_signal modbus_set_output_register \
+         socket_send_string modbus_add_signal modbus_add_rw_signal modbus_delete_signal modbus_set_output_register \
          modbus_set_output_signal modbus_set_runstate_dependent_choice modbus_set_signal_update_frequency \
          modbus_set_signal_watchdog modbus_send_custom_command modbus_add_rtu_signal write_output_boolean_register write_output_float_register \
          write_output_integer_register write_port_bit write_port_register rtde_set_watchdog enable_external_ft_sensor \
@@ -113,7 +113,9 @@ const NAMES: [(&str, Builtin); 25] = [
          read_output_integer_register read_port_bit read_port_register request_boolean_from_primary_client \
          request_float_from_primary_client request_integer_from_primary_client request_string_from_primary_client \
          socket_get_var socket_open socket_read_ascii_float socket_read_binary_integer socket_read_byte_list \
-         socket_read_line socket_read_string rpc_factory rpc_call modbus_get_signal_status modbus_get_error force \
+         socket_read_line socket_read_string rpc_factory rpc_call modbus_get_signal_status modbus_get_error \
+         modbus_get_time_since_signal_invalid eip_reader_factory eip_writer_factory get_jacobian \
+         get_jacobian_time_derivative get_mass_matrix get_coriolis_and_centrifugal_torques force \
          tool_contact tool_contact_examples random time get_jerk_limits get_max_payload encoder_get_tick_count \
          encoder_unwind_delta_tick_count get_freedrive_status freedrive_mode_no_incorrect_payload_check \
          get_program_state is_protective_stopped get_robot_mode",

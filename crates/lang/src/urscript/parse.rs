@@ -643,7 +643,9 @@ fn motion_path(word: &[u8]) -> Option<(Path, &'static [&'static str])> {
         b"movec" => (Path::Circular, &["via", "to", "a", "v", "r", "mode"]),
         b"optimovej" => (Path::Joint, &["to", "a_share", "v_share", "r"]),
         b"optimovel" => (Path::Other(Reason::Input), &["to", "a_share", "v_share", "r"]),
-        b"servoj" | b"servol" | b"servoc" | b"speedj" | b"speedl" | b"movex" => (Path::Unknown(Reason::Follows), &[]),
+        b"servoj" | b"servol" | b"servoc" | b"speedj" | b"speedl" | b"direct_torque" | b"movex" => {
+            (Path::Unknown(Reason::Follows), &[])
+        }
         b"move_until_contact" => (Path::Unknown(Reason::Follows), &[]),
         _ => return None,
     })

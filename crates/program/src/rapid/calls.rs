@@ -107,9 +107,10 @@ impl<'a> Runner<'a> {
         {
             let mut again = raised.clone();
             again.modal = again.modal.join(entered.modal);
-            for (at, value) in &mut again.values {
-                if !value.is(&self.value_in(entered, *at)) {
-                    *value = Value::Unknown(Reason::ByRetriedProcedure);
+            for at in raised.values.apart(&entered.values) {
+                let value = raised.values.get(at);
+                if value.is_some_and(|value| !value.is(&self.value_in(entered, at))) {
+                    again.values.insert(at, Value::Unknown(Reason::ByRetriedProcedure));
                 }
             }
             self.state = again;

@@ -28,7 +28,7 @@ impl Runner<'_> {
 
     /// Records that a motion, a parameter or an expression takes a tool or work object from a variable.
     pub(super) fn uses_frame(&mut self, at: usize) {
-        if self.is_real() && self.begun.declared.contains_key(&at) && !self.state.values.contains_key(&at) {
+        if self.is_real() && self.begun.declared.contains_key(&at) && self.state.values.get(at).is_none() {
             self.begun.used.insert(at);
         }
     }
@@ -45,7 +45,7 @@ impl Runner<'_> {
         }
         self.begun.left = self.begun.left.union(self.state.modal.differing(&ModalState::default()));
         let is_left = |at: &usize| {
-            let ends = self.state.values.get(at);
+            let ends = self.state.values.get(*at);
             ends.is_some_and(|ends| have_other_frames(&self.begun.declared[at], ends))
         };
         let left: Vec<usize> = self.begun.declared.keys().copied().filter(is_left).collect();

@@ -71,7 +71,7 @@ impl<'a> Runner<'a> {
 
     /// The present value of a variable.
     fn held(&mut self, at: usize) -> Value {
-        if let Some(value) = self.state.values.get(&at) {
+        if let Some(value) = self.state.values.get(at) {
             return value.clone();
         }
         self.initial(at)

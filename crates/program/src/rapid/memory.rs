@@ -8,7 +8,6 @@ use super::state::{ModalState, Stands, State, Switches};
 use super::symbols::{Content, Upper};
 use super::value::{Pose, Value};
 use crate::Reason;
-use std::collections::BTreeSet;
 use std::rc::Rc;
 
 impl Runner<'_> {
@@ -67,8 +66,7 @@ impl Runner<'_> {
     /// Joins a state with that of another path. Returns whether anything is less known than before.
     pub(super) fn join_states(&mut self, known: &mut State, other: &State, why: Reason) -> bool {
         let mut is_less = false;
-        let keys: BTreeSet<usize> = known.values.keys().chain(other.values.keys()).copied().collect();
-        for at in keys {
+        for at in known.values.apart(&other.values) {
             let (own, others) = (self.value_in(known, at), self.value_in(other, at));
             if own.is(&others) {
                 continue;
@@ -113,7 +111,7 @@ impl Runner<'_> {
 
     /// The value of a variable in a state.
     pub(super) fn value_in(&mut self, state: &State, at: usize) -> Value {
-        state.values.get(&at).cloned().unwrap_or_else(|| self.initial(at))
+        state.values.get(at).cloned().unwrap_or_else(|| self.initial(at))
     }
 
     /// The value of data that hold one value or the other.
@@ -174,7 +172,7 @@ impl Runner<'_> {
 
     /// Makes a variable unknown, and returns its value if that was known.
     pub(super) fn lose_data(&mut self, at: usize, why: Reason) -> Option<Value> {
-        let old = match (self.state.values.get(&at), &self.symbols.variables[at].content) {
+        let old = match (self.state.values.get(at), &self.symbols.variables[at].content) {
             // The value already is unknown, yet this counts as a change.
             (Some(Value::Unknown(_)), _) | (None, Content::Is(Value::Unknown(_))) => {
                 self.touch();
@@ -254,7 +252,7 @@ impl Pose {
 impl State {
     /// Forgets the values of variables from this number on, which no longer exist.
     pub(super) fn forget_from(&mut self, first: usize) {
-        drop(self.values.split_off(&first));
+        self.values.truncate(first);
     }
 
     /// Whether two states are identical, so that everything after them is.
@@ -262,7 +260,9 @@ impl State {
         self.modal == other.modal
             && self.stands == other.stands
             && self.standing == other.standing
-            && self.values.len() == other.values.len()
-            && self.values.iter().zip(&other.values).all(|((at, a), (other, b))| at == other && a.is(b))
+            && self.values.apart(&other.values).into_iter().all(|at| {
+                let both = self.values.get(at).zip(other.values.get(at));
+                both.is_some_and(|(a, b)| a.is(b))
+            })
     }
 }

@@ -69,6 +69,7 @@ mod syntax;
 mod tree;
 mod uses;
 mod value;
+mod values;
 mod writer;
 
 // Types between `Chunks` and the pipeline that corrects them; not for callers.

@@ -2,6 +2,7 @@
 
 use super::lasting::{Lasting, LastingStates};
 use super::value::Value;
+use super::values::Values;
 use crate::{ArcTurn, EXTERNAL_AXES, External, Mark, Reason};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::BitOrAssign;
@@ -138,7 +139,7 @@ pub(super) struct Standing {
 #[derive(Clone, Debug, Default)]
 pub(super) struct State {
     /// Values that differ from those at the beginning, by number of the variable.
-    pub(super) values: BTreeMap<usize, Value>,
+    pub(super) values: Values,
     pub(super) modal: ModalState,
     pub(super) stands: Stands,
     pub(super) standing: BTreeSet<Standing>,

@@ -67,6 +67,8 @@ pub(super) struct Built {
     pub(super) kept: KeptStatements,
     pub(super) motions: usize,
     pub(super) arcs: usize,
+    /// Targets that end at a distance from their position in the axes of the tool (`Tool_Offset`).
+    pub(super) in_tool: BTreeSet<usize>,
     /// The targets of each arc.
     pub(super) points: Vec<Points>,
     /// Circle points that are not in the text.

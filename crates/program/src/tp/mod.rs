@@ -23,6 +23,7 @@ use deflex_lang::tp::{Calls, Code, StatementKind, lines, lower, runs};
 use deflex_text::{Diagnostic, Edit, Severity, Source, Span};
 pub(super) use insert::MOST_POINTS;
 use position::{Body, Position};
+use std::collections::BTreeSet;
 
 /// Places of the numbers of positions in the text.
 #[derive(Debug, Default)]
@@ -31,6 +32,8 @@ pub(crate) struct Layout {
     positions: Vec<Position>,
     /// One for each target.
     sites: Vec<builder::EditablePosition>,
+    /// Targets that end at a distance from their position in the axes of the tool (`Tool_Offset`).
+    in_tool: BTreeSet<usize>,
     /// The targets of each arc.
     points: Vec<builder::Points>,
     /// Circle points that are not in the text.
@@ -127,8 +130,14 @@ pub fn read(mut sources: Vec<Source>, context: Vec<Source>) -> Result<Program, V
     odd.iter().for_each(|span| kept.keep(0, *span, Reason::PositionUnread));
     let literal_targets = positions.iter().filter(|position| matches!(position.body, Body::Pose(_))).count();
     let dialect = dialect::of(source, sections.head);
-    let layout =
-        Layout { positions, sites: built.sites, points: built.points, between: built.between, motions: built.motions };
+    let layout = Layout {
+        positions,
+        sites: built.sites,
+        in_tool: built.in_tool,
+        points: built.points,
+        between: built.between,
+        motions: built.motions,
+    };
     Ok(Program {
         tools: built.tools,
         wobjs: built.wobjs,

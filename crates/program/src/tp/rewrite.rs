@@ -37,7 +37,8 @@ pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) ->
     let Wanted { inserts, options, .. } = wanted;
     // The changes of positions: motions to one position may end at different distances from it.
     let own = |(i, change): (usize, &Option<Change>)| {
-        let offset = layout.offset(program, i);
+        let quat = change.as_ref().and_then(|change| change.quat);
+        let offset = layout.offset(program, i, quat);
         change.clone().map(|change| Change { position_mm: minus(change.position_mm, offset), ..change })
     };
     let changes: Vec<Option<Change>> = wanted.changes.iter().enumerate().map(own).collect();
@@ -91,11 +92,18 @@ fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 impl Layout {
-    /// The distance from its position at which a motion ends, mm (`Offset,PR[1]`).
-    fn offset(&self, program: &Program, i: usize) -> [f64; 3] {
+    /// The distance from its position at which a motion ends, mm (`Offset,PR[1]`), if the position gets this orientation: `Tool_Offset` turns with
+    /// the tool.
+    fn offset(&self, program: &Program, i: usize, turned: Option<[f64; 4]>) -> [f64; 3] {
         match (program.targets[i].goal, self.sites[i].and_then(|site| self.pose(site))) {
-            (Goal::Pose { position_mm, .. }, Some(Pose { values: [x, y, z, ..], .. })) => {
-                minus(position_mm, [*x, *y, *z])
+            (Goal::Pose { position_mm, quat, .. }, Some(Pose { values: [x, y, z, ..], .. })) => {
+                let offset = minus(position_mm, [*x, *y, *z]);
+                match turned.filter(|turned| self.in_tool.contains(&i) && *turned != quat) {
+                    Some(turned) => {
+                        (rotation(turned) * (rotation(quat).inverse() * nalgebra::Vector3::from(offset))).into()
+                    }
+                    None => offset,
+                }
             }
             _ => [0.0; 3],
         }
@@ -184,7 +192,7 @@ impl Writer<'_> {
     /// Whether a change differs from the present numbers.
     fn differs(&self, i: usize, change: &Change) -> bool {
         let Goal::Pose { position_mm, quat, conf } = self.program.targets[i].goal else { return true };
-        let own = minus(position_mm, self.layout.offset(self.program, i));
+        let own = minus(position_mm, self.layout.offset(self.program, i, None));
         let is_other = change.differs(&Goal::Pose { position_mm: own, quat, conf });
         is_other || change.conf.is_some() && change.conf != conf
     }
@@ -241,8 +249,8 @@ impl Writer<'_> {
             return (position_mm, quat);
         };
         let [x, y, z, w, p, r] = values.map(single);
-        let [dx, dy, dz] = self.layout.offset(self.program, i);
-        let turned = print.is_some_and(|print| print.turned);
-        ([x + dx, y + dy, z + dz], if turned { quaternion(&from_zyx_deg([r, p, w])) } else { quat })
+        let turned = print.filter(|print| print.turned).map(|_| quaternion(&from_zyx_deg([r, p, w])));
+        let [dx, dy, dz] = self.layout.offset(self.program, i, turned);
+        ([x + dx, y + dy, z + dz], turned.unwrap_or(quat))
     }
 }

@@ -14,7 +14,7 @@ use crate::{
 use deflex_lang::ir;
 use deflex_lang::run::Outcome;
 use deflex_lang::tp::{self, Defined, Frame, Held, Motion, Point, Speed, StatementKind};
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -136,6 +136,9 @@ impl<'a> Builder<'a> {
             from => from,
         };
         self.last = Some(visit.run);
+        if is_in_tool(visit.motion) {
+            self.built.in_tool.insert(self.built.targets.len());
+        }
         self.built.targets.push(target);
         self.built.sites.push(site);
     }
@@ -184,7 +187,9 @@ impl<'a> Builder<'a> {
         }
         let (goal, frames, site, why) = match &position.body {
             Body::None(why) => return Err(*why),
-            Body::Pose(pose) => (goal(pose, offset.unwrap_or_default()), pose.frames, Some(known as u32), spline),
+            Body::Pose(pose) => {
+                (goal(pose, motion, offset.unwrap_or_default()), pose.frames, Some(known as u32), spline)
+            }
             Body::Joints { deg, frames } => (Goal::Joints { deg: *deg }, *frames, None, Some(Reason::Joints)),
         };
         let mark = visit.held.mark();
@@ -338,12 +343,19 @@ fn stays_at_its_point(motion: &Motion<'_>) -> bool {
     motion.moved == Some(Reason::SplineOption)
 }
 
-/// A pose from X, Y, Z and W, P, R, which are turns about the fixed axes x, y, z.
-fn goal(pose: &Pose, [dx, dy, dz]: [f64; 3]) -> Goal {
+/// Whether a motion ends at a distance from its position in the axes of the tool.
+fn is_in_tool(motion: &Motion<'_>) -> bool {
+    motion.shifted() == Some(Reason::ToolMovedByRegister)
+}
+
+/// A pose at a distance from X, Y, Z with W, P, R, which are turns about the fixed axes x, y, z.
+fn goal(pose: &Pose, motion: &Motion<'_>, offset: [f64; 3]) -> Goal {
     let [x, y, z, w, p, r] = pose.values;
+    let rotation = from_zyx_deg([r, p, w]);
+    let [dx, dy, dz] = if is_in_tool(motion) { (rotation * Vector3::from(offset)).into() } else { offset };
     Goal::Pose {
         position_mm: [x + dx, y + dy, z + dz],
-        quat: quaternion(&from_zyx_deg([r, p, w])),
+        quat: quaternion(&rotation),
         conf: pose.config.map(|config| Conf::Turns(config.config)),
     }
 }
