@@ -907,3 +907,70 @@ fn functions_that_only_return_an_expression_are_followed() {
         assert!(!is_moved(above, &function), "{function}");
     }
 }
+
+/// An operator starts each routine without a caller with the values of the text, as `main`: what another one would have changed before is not
+/// known of either.
+#[test]
+fn routines_without_a_caller_begin_as_main_does() {
+    let of = |more: &str, main: &str| {
+        let text = with_copies(main, &format!("{TOOLS}{more}"));
+        moved(&text).contains(P1_MOVED)
+    };
+    let cut = "MoveL p1,v20,fine,tA;\n";
+    let menu = format!("PROC menu()\n{cut}ENDPROC\n");
+    for change in ["BERefPointer tA;", "tA.tframe.trans.z:=201;", "PDispSet [[0,0,1],[1,0,0,0]];", "SoftAct 1,20;"] {
+        let calibrate = format!("PROC calibrate()\n{change}\nENDPROC\n");
+        assert!(of(&format!("{menu}{calibrate}"), cut), "{change}");
+        assert!(of(&format!("{calibrate}{menu}"), cut), "{change}");
+        // It cuts after its own changes, or after those of the program.
+        assert!(!of(&menu.replace("Move", &format!("{change}\nMove")), cut), "{change}");
+        assert!(!of(&format!("{calibrate}{}", menu.replace("Move", "calibrate;\nMove")), cut), "{change}");
+        for (body, more) in [
+            (format!("{cut}{change}\n"), ""),
+            (format!("{cut}calibrate;\n"), ""),
+            (format!("{cut}%\"calibrate\"%;\n"), ""),
+            (format!("{cut}%\"cali\"+ReadStr(dev)%;\n"), ""),
+            (format!("{cut}CallByVar ReadStr(dev),1;\n"), ""),
+            (format!("{cut}MoveLSync p2,v20,fine,tA,\"calibrate\";\n"), ""),
+            (format!("{cut}WaitDI di,1\\MaxTime:=2;\nERROR\ncalibrate;\nTRYNEXT;\n"), ""),
+            (cut.to_owned(), "TRAP t\ncalibrate;\nENDTRAP\n"),
+            (cut.to_owned(), "FUNC num f()\ncalibrate;\nRETURN 1;\nENDFUNC\n"),
+        ] {
+            assert!(!of(&format!("{menu}{calibrate}{more}"), &body), "{change} {body} {more}");
+        }
+    }
+    // A file of the context runs it.
+    let calibrate = "PROC calibrate()\ntA.tframe.trans.z:=201;\nENDPROC\n";
+    let text = with_copies(cut, &format!("{TOOLS}{menu}{calibrate}"));
+    let other = "MODULE N\nPROC other()\ncalibrate;\nENDPROC\nENDMODULE\n";
+    let read_with = |context: Vec<Source>| {
+        let p = read(vec![Source::new("a.mod", text.clone())], context).unwrap();
+        p.targets[0].editable
+    };
+    assert_eq!(read_with(Vec::new()), Editable::Pose);
+    assert!(matches!(read_with(vec![Source::new("n.mod", other.to_owned())]), Editable::No(_)));
+}
+
+/// The user finds out which routine keeps the targets, and which call in it.
+#[test]
+fn the_routine_that_keeps_targets_is_named() {
+    let said = |more: &str, main: &str| {
+        let p = program(&with_copies(main, more));
+        let codes = ["rapid.uncalled", "rapid.undeclared"];
+        let said = p.diagnostics.iter().filter(|said| codes.contains(&said.code));
+        said.map(|said| format!("{} {}", said.code, said.message.split(',').next().unwrap())).collect::<Vec<_>>()
+    };
+    let main = "MoveL p1,v10,z0,tool0;\nMoveL p2,v10,z0,tool0;\n";
+    let test = "PROC Fc_Test()\nFCSpdChgAct 55;\nMoveL p1,v20,fine,tool0;\nMoveL p2,v20,fine,tool0;\nENDPROC\n";
+    let undeclared = "rapid.undeclared `FCSpdChgAct` is not in the files: what it could change (frames";
+    assert_eq!(said(test, main), ["rapid.uncalled `Fc_Test`", undeclared]);
+    // A call that keeps nothing is not worth a word.
+    assert!(said(&test.replace("MoveL p1", "MoveL p3").replace("MoveL p2", "MoveL p3"), main).is_empty());
+    assert!(said(&test.replace("FCSpdChgAct 55;", ""), main).is_empty());
+    // A trap keeps them as well.
+    assert!(
+        said(&format!("{test}TRAP t\nMoveL p1,v9,fine,tool0;\nMoveL p2,v9,fine,tool0;\nENDTRAP\n"), main).is_empty()
+    );
+    let offset = "PROC one(robtarget q)\nMoveL Offs(q,0,0,5),v9,fine,tool0;\nENDPROC\nPROC two()\none p2;\nENDPROC\n";
+    assert_eq!(said(offset, "one p1;\n"), ["rapid.uncalled `two`"]);
+}

@@ -45,6 +45,7 @@ impl Runner<'_> {
             }
         }
         self.keep_what_is_refused();
+        self.tell_what_holds();
         let runs_elsewhere = self.starts_in(elsewhere.unknown.iter().chain(&elsewhere.aside));
         let layout = Layout {
             literals: Arc::new(self.numbers.literals),

@@ -3,6 +3,7 @@
 use super::TargetInText;
 use super::expression::{Expression, ExpressionKind};
 use super::literal::Literal;
+use super::rewrite::Number;
 use super::runner::{Found, Numbers};
 use super::tree::File;
 use super::value::{OffsetStep, Pose, Value};
@@ -15,6 +16,19 @@ pub(super) struct Origins {
     literals: BTreeSet<u32>,
     /// Offsets, by their first number.
     offsets: HashSet<SourceSpan>,
+}
+
+/// Numbers that must not be edited, taken out of [`Numbers`].
+pub(super) struct HeldNumbers {
+    pinned: BTreeSet<u32>,
+    offsets: HashSet<SourceSpan>,
+}
+
+/// One of them.
+pub(super) struct HeldNumber {
+    pub(super) number: Number,
+    /// Whether nothing before has held it.
+    pub(super) is_new: bool,
 }
 
 impl Origins {
@@ -111,6 +125,24 @@ impl Numbers {
     pub(super) fn begins(&mut self, variable: usize) {
         self.read.remove(&variable);
         self.origins.remove(&variable);
+    }
+
+    /// Takes out the numbers that must not be edited, so that those are seen that the next steps add.
+    pub(super) fn held(&mut self) -> HeldNumbers {
+        HeldNumbers { pinned: std::mem::take(&mut self.pinned), offsets: std::mem::take(&mut self.held) }
+    }
+
+    /// Puts them back. Returns those that were added.
+    pub(super) fn held_again(&mut self, before: HeldNumbers) -> Vec<HeldNumber> {
+        let pinned = std::mem::replace(&mut self.pinned, before.pinned);
+        let offsets = std::mem::replace(&mut self.held, before.offsets);
+        let literals = pinned
+            .into_iter()
+            .map(|literal| HeldNumber { number: Number::Literal(literal), is_new: self.pinned.insert(literal) });
+        let mut all: Vec<HeldNumber> = literals.collect();
+        let is_new = |place: SourceSpan| HeldNumber { number: Number::Offset(place), is_new: self.held.insert(place) };
+        all.extend(offsets.into_iter().map(is_new));
+        all
     }
 
     pub(super) fn pin_value(&mut self, value: &Value) {

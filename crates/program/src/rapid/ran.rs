@@ -1,5 +1,6 @@
 //! The statements that were run, and the targets of motions that were not.
 
+use super::known::RoutineId;
 use deflex_lang::ir::SourceSpan;
 use deflex_text::Source;
 
@@ -31,6 +32,8 @@ pub(super) struct Use {
     pub(super) offset: Option<SourceSpan>,
     pub(super) position_mm: [f64; 3],
     pub(super) way: Way,
+    /// The routine that an operator started; `None` for uses by the program.
+    pub(super) by: Option<RoutineId>,
 }
 
 /// The frames of a motion, and whether it may cut.

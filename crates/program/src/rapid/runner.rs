@@ -3,8 +3,9 @@
 use super::gathering::Gathering;
 use super::known::RoutineId;
 use super::literal::Literal;
-use super::pins::Origins;
+use super::pins::{HeldNumber, Origins};
 use super::ran::{Ran, Use};
+use super::rewrite::Number;
 use super::state::{Begun, ModalState, Site, Standing, State};
 use super::steps::Routines;
 use super::symbols::{Names, Symbols};
@@ -193,8 +194,21 @@ pub(super) struct Reached {
     pub(super) is_aside_cut: bool,
     /// Uses by routines that nothing runs.
     pub(super) aside: Vec<Use>,
+    /// Numbers that only routines hold that nothing runs, with these routines.
+    pub(super) held_by: HashMap<Number, BTreeSet<RoutineId>>,
     /// Calls of procedures chosen at run time: the start of their names in upper case, empty if any name is possible.
     pub(super) called_late: Vec<Box<[u8]>>,
+}
+
+impl Reached {
+    /// Records that a routine that nothing runs holds a number.
+    pub(super) fn hold(&mut self, HeldNumber { number, is_new }: HeldNumber, by: RoutineId) {
+        if is_new {
+            self.held_by.insert(number, BTreeSet::from([by]));
+        } else if let Some(all) = self.held_by.get_mut(&number) {
+            all.insert(by);
+        }
+    }
 }
 
 /// The robtargets of the text, and the reasons not to edit their numbers.
@@ -262,7 +276,18 @@ pub(super) struct Messages {
     pub(super) kept: KeptStatements,
     /// Diagnostics that were reported, by code.
     pub(super) reported: HashSet<(usize, Span, &'static str)>,
+    /// Calls of routines in no file, by the routines that nothing runs in which they are.
+    pub(super) undeclared_aside: Vec<(RoutineId, Diagnostic)>,
     pub(super) diagnostics: Vec<Diagnostic>,
+}
+
+impl Messages {
+    /// Reports what no other message says.
+    pub(super) fn tell_once(&mut self, new: Diagnostic) {
+        if !self.diagnostics.iter().any(|other| other.code == new.code && other.message == new.message) {
+            self.diagnostics.push(new);
+        }
+    }
 }
 
 impl<'a> Runner<'a> {
