@@ -974,3 +974,49 @@ fn the_routine_that_keeps_targets_is_named() {
     let offset = "PROC one(robtarget q)\nMoveL Offs(q,0,0,5),v9,fine,tool0;\nENDPROC\nPROC two()\none p2;\nENDPROC\n";
     assert_eq!(said(offset, "one p1;\n"), ["rapid.uncalled `two`"]);
 }
+
+/// `Path_10` of RobotStudio, which nothing calls, goes to the targets of the program by joint motions.
+#[test]
+fn joint_motions_in_routines_without_a_caller_go_along() {
+    let is_moved = |main: &str, path: &str| {
+        let path = format!("{TOOLS}PROC Path_10()\n{path}\nENDPROC");
+        moved(&with_copies(main, &path)).contains(P1_MOVED)
+    };
+    let cut = "MoveJ Offs(p1,0,0,100),v500,fine,tA;\nMoveL p1,v100,fine,tA;\n";
+    let both = "MoveJ p1,v500,fine,tA;\nMoveL p1,v100,fine,tA;\n";
+    for main in [cut, both] {
+        for path in [
+            "MoveJ p1,v100,fine,tA;",
+            "MoveJ p1,v100,z10,tA;\nMoveL p1,v20,fine,tA;",
+            "MoveL p1,v20,fine,tA;",
+            "! deflex air\nMoveJ p1,v100,fine,tA;",
+        ] {
+            assert!(is_moved(main, path), "{main} {path}");
+        }
+        for path in [
+            "MoveJ p1,v100,fine,tB;",
+            "MoveL p1,v100,fine,tB;",
+            "! deflex cut\nMoveJ p1,v100,fine,tA;",
+            "ConfJ\\Off;\nMoveJ p1,v100,fine,tA;",
+            "IF DInput(di)=1 ConfJ\\Off;\nMoveJ p1,v100,fine,tA;",
+            "PDispSet [[0,0,1],[1,0,0,0]];\nMoveJ p1,v100,fine,tA;",
+            "MoveJ p1,v100,fine,tA\\WObj:=wElse;",
+            "MoveC p1,p2,v100,fine,tB;",
+        ] {
+            assert!(!is_moved(main, path), "{main} {path}");
+        }
+    }
+    // What an old menu starts is what `main` starts.
+    let run = format!("ENDPROC\nPROC rRun()\n{cut}");
+    assert!(is_moved(&format!("rRun;\n{run}"), "rRun;"));
+    assert!(!is_moved(&format!("rRun;\nConfJ\\Off;\n{run}"), "rRun;\nConfJ\\Off;\nrRun;"));
+    // The program cuts nothing at this target.
+    assert!(!is_moved("MoveJ p1,v500,fine,tA;\n", "MoveL p1,v100,fine,tA;"));
+    // The caller of the rewriting says which targets stay.
+    let p = program(&with_copies(cut, &format!("{TOOLS}PROC Path_10()\nMoveJ p1,v100,fine,tA;\nENDPROC")));
+    assert_eq!(p.joints_elsewhere(), [1]);
+    let change = |z: f64, conf| Some(Change { position_mm: [1.0, 2.0, z], quat: None, conf, external: None });
+    let options = RewriteOptions { stays: &[false, true], ..RewriteOptions::default() };
+    let stays = p.rewrite(&[None, change(3.5, None)], &[], &options);
+    assert_eq!((&stays.edits[0][..], &stays.kept[..]), (&[][..], &[(1, Reason::MovesKept)][..]));
+}

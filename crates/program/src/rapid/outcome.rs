@@ -52,6 +52,7 @@ impl Runner<'_> {
             sites: self.found.sites,
             offsets: self.found.offsets,
             standing: Arc::new(self.found.standing),
+            joints_elsewhere: self.found.joints_elsewhere,
             motions: self.counters.motions as usize,
             streamable,
             plain,

@@ -262,6 +262,8 @@ pub(super) struct Found {
     pub(super) standing: Vec<Offset>,
     /// The roots and first numbers of these.
     pub(super) standing_places: HashSet<(u32, Option<SourceSpan>)>,
+    /// See [`Layout::joints_elsewhere`](super::Layout).
+    pub(super) joints_elsewhere: BTreeSet<u32>,
     /// Motions without a target.
     pub(super) unknown: Vec<UnknownMotion>,
     /// The place of the last target.

@@ -7,12 +7,12 @@ use super::motion;
 use super::ran::{Use, Way};
 use super::rewrite::Number;
 use super::runner::{Mode, Reached, Runner};
-use super::state::ModalState;
+use super::state::{ModalState, OnOff};
 use super::symbols::Upper;
 use super::tree::{Data, RoutineKind, Statement, Storage, statements};
 use super::value::{OffsetStep, Pose, axes_in_use};
 use super::{Offset, TargetInText};
-use crate::{Editable, Goal, Motion, Reason, Target};
+use crate::{Editable, Goal, Mark, Motion, Reason, Target};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Severity, Span};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -56,8 +56,10 @@ impl<'a> Runner<'a> {
             return;
         }
         let way = Way::of(target);
+        let has_conf = self.state.modal.nearest == OnOff::Off && pose.written.conf.is_some();
+        let is_free = is_free(target) && has_conf;
         let by = self.frames.first().map(|frame| frame.routine).filter(|_| self.reached.looking_aside);
-        self.reached.aside.push(Use { root, offset, position_mm: pose.written.position_mm, way, by });
+        self.reached.aside.push(Use { root, offset, position_mm: pose.written.position_mm, way, is_free, by });
     }
 
     /// Runs the routines that nothing in the files calls, because an operator may run them by hand, and notes the data that they use.
@@ -301,29 +303,44 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Forbids edits of numbers that a routine that nothing runs uses in other frames than the program, or at another position.
+    /// Forbids edits of numbers that a routine that nothing runs uses in other frames than the program, for a cut of its own, or at another
+    /// position.
     pub(super) fn hold_what_is_used_otherwise(&mut self) {
         if self.reached.aside.is_empty() {
             return;
         }
         let mut ways: HashMap<u32, Vec<Way>> = HashMap::new();
-        let mut positions: HashMap<SourceSpan, Vec<[u64; 3]>> = HashMap::new();
+        let mut arrivals: HashMap<SourceSpan, Vec<Arrival>> = HashMap::new();
         for (target, site) in self.found.targets.iter().zip(&self.found.sites) {
             let Some(root) = self.found.root(site) else { continue };
             add(ways.entry(root).or_default(), Way::of(target));
             if let (Some(place), Goal::Pose { position_mm, .. }) = (self.found.offset(site), &target.goal) {
-                add(positions.entry(place).or_default(), position_mm.map(f64::to_bits));
+                let is_free = is_free(target) && target.conf().is_some();
+                add(arrivals.entry(place).or_default(), Arrival { at: position_mm.map(f64::to_bits), is_free });
             }
         }
         for other in std::mem::take(&mut self.reached.aside) {
-            let at = other.position_mm.map(f64::to_bits);
-            let moves = |place: &SourceSpan| positions.get(place).is_some_and(|all| all.iter().any(|one| *one != at));
+            let own = Arrival { at: other.position_mm.map(f64::to_bits), is_free: other.is_free };
+            let arrivals = other.offset.and_then(|place| arrivals.get(&place));
+            let differs = arrivals.is_some_and(|all| all.iter().any(|one| *one != own));
             let before = self.numbers.held();
-            if ways.get(&other.root).is_some_and(|all| all.iter().any(|way| *way != other.way)) {
+            let ways = ways.get(&other.root).map_or(&[][..], Vec::as_slice);
+            let has_same_frames = |way: &Way| Way { cuts: other.way.cuts, ..*way } == other.way;
+            let is_cut = ways.iter().any(|way| way.cuts);
+            // A motion that cuts nothing goes along with a cut, if that is judged: of the robtarget itself, or as a motion of the program that
+            // arrives in the same way.
+            let is_judged = match other.offset {
+                None => other.is_free,
+                Some(_) => arrivals.is_some() && !differs,
+            };
+            let is_wanted = other.way.cuts == is_cut || !other.way.cuts && is_judged;
+            if !ways.iter().all(has_same_frames) || !ways.is_empty() && !is_wanted {
                 self.numbers.pinned.insert(other.root);
                 self.numbers.held.extend(other.offset);
             } else {
-                self.numbers.held.extend(other.offset.filter(moves));
+                self.numbers.held.extend(other.offset.filter(|_| differs));
+                let is_joint = is_cut && !other.way.cuts && other.offset.is_none();
+                self.found.joints_elsewhere.extend(is_joint.then_some(other.root));
             }
             let own = self.numbers.held_again(before);
             if let Some(by) = other.by {
@@ -458,6 +475,19 @@ impl<'a> Runner<'a> {
 
 fn motions(count: usize) -> String {
     if count == 1 { "1 motion".to_owned() } else { format!("{count} motions") }
+}
+
+/// Where a motion to an offset arrives.
+#[derive(Clone, Copy, PartialEq)]
+struct Arrival {
+    at: [u64; 3],
+    /// See [`Use::is_free`].
+    is_free: bool,
+}
+
+/// Whether a motion cuts nothing in any cell.
+fn is_free(target: &Target) -> bool {
+    target.motion == Motion::Joint && target.mark != Some(Mark::Cut)
 }
 
 /// Adds a use if it is new.
