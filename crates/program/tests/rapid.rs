@@ -1020,3 +1020,17 @@ fn joint_motions_in_routines_without_a_caller_go_along() {
     let stays = p.rewrite(&[None, change(3.5, None)], &[], &options);
     assert_eq!((&stays.edits[0][..], &stays.kept[..]), (&[][..], &[(1, Reason::MovesKept)][..]));
 }
+
+/// A target that is known and stays, and a work object of which only another module can say more.
+#[test]
+fn reasons_tell_known_values_from_unknown_ones() {
+    let kept = |body: &str| {
+        program(&with_copies(body, "PERS robtarget pKept:=[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];"))
+    };
+    let reasons = |body: &str| kept(body).kept.iter().map(|kept| kept.reason).collect::<Vec<_>>();
+    assert_eq!(reasons("pKept:=p1;\nMoveL pKept,v9,fine,tool0;"), [Reason::NumbersOfProgram]);
+    assert_eq!(reasons("pKept:=CRobT();\nMoveL pKept,v9,fine,tool0;"), [Reason::Computed]);
+    let p = kept("wElse.uframe.trans.z:=5;\nMoveL p1,v9,fine,tool0\\WObj:=wElse;");
+    let note = p.diagnostics.iter().find(|note| note.code == "rapid.frame").unwrap();
+    assert!(note.help.as_ref().is_some_and(|help| help.contains("--context")), "{note:?}");
+}
