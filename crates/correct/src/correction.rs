@@ -115,6 +115,9 @@ pub(super) fn solve(
         true => program.targets.iter().zip(&prepared.points).map(is_air).collect(),
         false => Vec::new(),
     };
+    // Targets whose numbers stay, because a motion elsewhere may not go along with them.
+    let mut stays = vec![false; program.targets.len()];
+    let elsewhere = program.joints_elsewhere();
     let mut not_inserted: Vec<(usize, Reason)> = Vec::new();
     let (changes, inserts, mut rewritten) = loop {
         let inserts = subdivide::inserts(program, cell, prepared, &nodes);
@@ -123,21 +126,30 @@ pub(super) fn solve(
         };
         let changes: Vec<Option<Change>> = solved.iter().enumerate().map(changed).collect();
         let rewritten = is_edited.then(|| {
-            let rewrite = RewriteOptions { allow_clones: options.allow_clones, air: &air, ..RewriteOptions::default() };
+            let allow_clones = options.allow_clones;
+            let rewrite = RewriteOptions { allow_clones, air: &air, stays: &stays, ..RewriteOptions::default() };
             let mut rewritten = program.rewrite(&changes, &inserts, &rewrite);
             // The rows of motions to unknown ends have no numbers.
             rewritten.along.retain(|i| program.targets[*i].located);
             rewritten
         });
-        if let Some(Rewritten { along, written, .. }) = &rewritten {
+        if let Some(rewritten) = &rewritten {
+            let new = |i: usize| NewGoal {
+                written: &rewritten.written[i],
+                conf: rewritten.confs.binary_search_by_key(&i, |(of, _)| *of).ok().map(|at| rewritten.confs[at].1),
+            };
             let strays: Vec<usize> =
-                along.iter().copied().filter(|&i| !may_go(context, prepared, i, &written[i])).collect();
+                rewritten.along.iter().copied().filter(|&i| !may_go(context, prepared, i, &new(i))).collect();
+            let held = |i: &usize| !stays[*i] && !joint_may_go(context, prepared, *i, &new(*i));
+            let held: Vec<usize> = elsewhere.iter().copied().filter(held).collect();
+            let all_may = strays.is_empty() && held.is_empty();
             // The numbers of a program in chunks are settled already.
-            if context.chunk.is_some() && !strays.is_empty() {
+            if context.chunk.is_some() && !all_may {
                 return Err(Unsolved::Failed(StreamError::NotStreamable));
             }
-            if !strays.is_empty() {
+            if !all_may {
                 strays.into_iter().for_each(|i| air[i] = false);
+                held.into_iter().for_each(|i| stays[i] = true);
                 continue;
             }
         }
@@ -379,13 +391,20 @@ fn change(
     Some(Change { position_mm, quat: turned.then_some(quat), conf, external })
 }
 
+/// Where the text of a target leads after the rewriting.
+struct NewGoal<'a> {
+    written: &'a ([f64; 3], [f64; 4]),
+    /// The configuration, if the text has another one.
+    conf: Option<Conf>,
+}
+
 /// Whether a target that cuts nothing may go to this pose, where the numbers that it shares lead it: it is in reach and no farther away than a
-/// correction may be, and a joint motion arrives in the posture that its text states.
+/// correction may be, and a joint motion arrives in the posture that it has, which is the one that its new text states.
 fn may_go(
     Context { program, cell, .. }: Context<'_>,
     prepared: &Prepared,
     i: usize,
-    written: &([f64; 3], [f64; 4]),
+    NewGoal { written, conf: new }: &NewGoal<'_>,
 ) -> bool {
     let (target, point, robot) = (&program.targets[i], &prepared.points[i], &cell.arm.robot);
     let distance = Vector3::from(written.0) * 1e-3 - point.wobj_from_tcp.translation.vector;
@@ -394,7 +413,28 @@ fn may_go(
     };
     let goes_by = |conf: &Conf| matches!(conf, Conf::Status(_)) || conf_is(robot, &point.motor, *conf);
     let conf = target.conf().filter(|conf| target.motion == Motion::Joint && goes_by(conf));
-    distance.norm() <= cell.limits.max_correction && conf.is_none_or(|conf| conf_is(robot, &motor, conf))
+    distance.norm() <= cell.limits.max_correction && conf.is_none_or(|conf| conf_is(robot, &motor, new.unwrap_or(conf)))
+}
+
+/// The same for a joint motion to the robtarget of target `i` that is no target itself: where it comes from is not known.
+fn joint_may_go(
+    Context { program, cell, .. }: Context<'_>,
+    prepared: &Prepared,
+    i: usize,
+    NewGoal { written, conf: new }: &NewGoal<'_>,
+) -> bool {
+    let (target, point, robot) = (&program.targets[i], &prepared.points[i], &cell.arm.robot);
+    // Which stock it meets is not known either.
+    if !target.located || cell.stock.is_some() || prepared.turns_are_chosen {
+        return false;
+    }
+    let (Some(conf), setting) = (target.conf(), prepared.setting(i)) else { return true };
+    let base_from_flange = setting.base_from_flange(&point.wobj_from_tcp);
+    let Ok(from) = robot.inverse_conf(&base_from_flange, Some(conf), &point.motor) else { return false };
+    let distance = Vector3::from(written.0) * 1e-3 - point.wobj_from_tcp.translation.vector;
+    let Ok(to) = solve::controller_joints(&cell.arm, setting, written, &from) else { return false };
+    distance.norm() <= cell.limits.max_correction
+        && (!conf_is(robot, &from, conf) || conf_is(robot, &to, new.unwrap_or(conf)))
 }
 
 /// Positions of external axes as written, if they were chosen and differ from the program's.

@@ -136,6 +136,9 @@ impl Given<'_> {
         let (mut fixed, mut closed) = (BTreeSet::new(), BTreeSet::new());
         let mut kept = Vec::new();
         let mut round = 0;
+        // Whether other motions may go along with these corners is not judged.
+        let mut stays = vec![false; program.targets.len()];
+        program.joints_elsewhere().into_iter().for_each(|i| stays[i] = true);
         loop {
             round += 1;
             let freedom = self.freedom(&fixed, &closed);
@@ -144,7 +147,8 @@ impl Given<'_> {
             let command = shape(robot, &self.path.law, &course.waypoints, &freedom, wanted);
             let command = command.map_err(|error| self.refused(error))?;
             let (changes, inserts) = (self.changes(&command.motions), self.inserts(&command.motions));
-            let rewrite = RewriteOptions { allow_clones: self.options.allow_clones, ..RewriteOptions::default() };
+            let allow_clones = self.options.allow_clones;
+            let rewrite = RewriteOptions { allow_clones, stays: &stays, ..RewriteOptions::default() };
             let mut rewritten = program.rewrite(&changes, &inserts, &rewrite);
             let before = fixed.len() + closed.len();
             fixed.extend(rewritten.kept.iter().map(|(i, _)| *i));

@@ -234,6 +234,7 @@ reasons! {
     ReadByOthers = "its numbers are also read by something that is not a known motion",
     OneNumberOfSeveral = "one number stands for several components",
     TargetWithExpression = "target with an expression in it",
+    NumbersOfProgram = "its numbers are computed or copied by the program",
     OffsetWithExpression = "offset computed from an expression",
     OffsetUsedElsewhere = "its offset is also used where it cannot be edited",
     DeclarationUsedElsewhere = "its declaration is also used where it cannot be edited",

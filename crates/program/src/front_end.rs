@@ -38,6 +38,11 @@ pub(super) trait FrontEnd {
         vec![false; program.targets.len()]
     }
 
+    /// See [`Program::joints_elsewhere`].
+    fn joints_elsewhere(&self, _program: &Program) -> Vec<usize> {
+        Vec::new()
+    }
+
     /// See [`Program::motion_targets`].
     fn motion_targets(&self, program: &Program) -> usize {
         program.targets.iter().filter(|target| target.role == Role::End).count()

@@ -414,13 +414,15 @@ pub struct RewriteOptions<'a> {
     /// Which targets cut nothing; those beyond its end count as cutting. A motion that cuts nothing goes along with the numbers that it shares with
     /// a motion that cuts.
     pub air: &'a [bool],
+    /// Which targets keep the numbers of their robtarget, because a motion that is no target goes to it; those beyond its end need not.
+    pub stays: &'a [bool],
 }
 
 impl Default for RewriteOptions<'_> {
     fn default() -> Self {
         // 4 decimals are below the spacing of the controller's single precision at 1 m (1.2e-4 mm);
         // 8 decimals of a quaternion are 3e-6 mm at 300 mm.
-        Self { allow_clones: false, position_decimals: 4, quat_decimals: 8, air: &[] }
+        Self { allow_clones: false, position_decimals: 4, quat_decimals: 8, air: &[], stays: &[] }
     }
 }
 
@@ -452,6 +454,8 @@ pub struct Rewritten {
     pub kept: Vec<(usize, Reason)>,
     /// Targets that cut nothing and have other poses now, because they share numbers with others; see [`RewriteOptions::air`].
     pub along: Vec<usize>,
+    /// Targets whose text has another configuration now, in ascending order, with that configuration.
+    pub confs: Vec<(usize, Conf)>,
 }
 
 /// An inserted motion.
@@ -516,6 +520,14 @@ impl Program {
             diagnostics: Vec::new(),
             layout,
         }
+    }
+
+    /// Targets with whose numbers joint motions go along that are no targets, because nothing in the program runs them. Whether they can is
+    /// for the caller of [`Program::rewrite`] to judge: see [`RewriteOptions::stays`].
+    #[must_use]
+    #[doc(hidden)]
+    pub fn joints_elsewhere(&self) -> Vec<usize> {
+        self.layout.front_end().joints_elsewhere(self)
     }
 
     /// Number of executed motions, with loops expanded. An arc counts once; motions whose target is known only at run time count too, although

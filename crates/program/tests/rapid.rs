@@ -920,3 +920,130 @@ fn an_offset_of_a_kept_base_is_written_and_read_back() {
         "MoveJ Offs(p1,0,0,20),v50,fine,tool0;\nMoveL p1,v50,fine,tool0;\nMoveJ p1,v50,fine,tool0;",
     )));
 }
+
+/// An operator starts each routine without a caller with the values of the text, as `main`: what another one would have changed before is not
+/// known of either.
+#[test]
+fn routines_without_a_caller_begin_as_main_does() {
+    let of = |more: &str, main: &str| {
+        let text = with_copies(main, &format!("{TOOLS}{more}"));
+        moved(&text).contains(P1_MOVED)
+    };
+    let cut = "MoveL p1,v20,fine,tA;\n";
+    let menu = format!("PROC menu()\n{cut}ENDPROC\n");
+    for change in ["BERefPointer tA;", "tA.tframe.trans.z:=201;", "PDispSet [[0,0,1],[1,0,0,0]];", "SoftAct 1,20;"] {
+        let calibrate = format!("PROC calibrate()\n{change}\nENDPROC\n");
+        assert!(of(&format!("{menu}{calibrate}"), cut), "{change}");
+        assert!(of(&format!("{calibrate}{menu}"), cut), "{change}");
+        // It cuts after its own changes, or after those of the program.
+        assert!(!of(&menu.replace("Move", &format!("{change}\nMove")), cut), "{change}");
+        assert!(!of(&format!("{calibrate}{}", menu.replace("Move", "calibrate;\nMove")), cut), "{change}");
+        for (body, more) in [
+            (format!("{cut}{change}\n"), ""),
+            (format!("{cut}calibrate;\n"), ""),
+            (format!("{cut}%\"calibrate\"%;\n"), ""),
+            (format!("{cut}%\"cali\"+ReadStr(dev)%;\n"), ""),
+            (format!("{cut}CallByVar ReadStr(dev),1;\n"), ""),
+            (format!("{cut}MoveLSync p2,v20,fine,tA,\"calibrate\";\n"), ""),
+            (format!("{cut}WaitDI di,1\\MaxTime:=2;\nERROR\ncalibrate;\nTRYNEXT;\n"), ""),
+            (cut.to_owned(), "TRAP t\ncalibrate;\nENDTRAP\n"),
+            (cut.to_owned(), "FUNC num f()\ncalibrate;\nRETURN 1;\nENDFUNC\n"),
+        ] {
+            assert!(!of(&format!("{menu}{calibrate}{more}"), &body), "{change} {body} {more}");
+        }
+    }
+    // A file of the context runs it.
+    let calibrate = "PROC calibrate()\ntA.tframe.trans.z:=201;\nENDPROC\n";
+    let text = with_copies(cut, &format!("{TOOLS}{menu}{calibrate}"));
+    let other = "MODULE N\nPROC other()\ncalibrate;\nENDPROC\nENDMODULE\n";
+    let read_with = |context: Vec<Source>| {
+        let p = read(vec![Source::new("a.mod", text.clone())], context).unwrap();
+        p.targets[0].editable
+    };
+    assert_eq!(read_with(Vec::new()), Editable::Pose);
+    assert!(matches!(read_with(vec![Source::new("n.mod", other.to_owned())]), Editable::No(_)));
+}
+
+/// The user finds out which routine keeps the targets, and which call in it.
+#[test]
+fn the_routine_that_keeps_targets_is_named() {
+    let said = |more: &str, main: &str| {
+        let p = program(&with_copies(main, more));
+        let codes = ["rapid.uncalled", "rapid.undeclared"];
+        let said = p.diagnostics.iter().filter(|said| codes.contains(&said.code));
+        said.map(|said| format!("{} {}", said.code, said.message.split(',').next().unwrap())).collect::<Vec<_>>()
+    };
+    let main = "MoveL p1,v10,z0,tool0;\nMoveL p2,v10,z0,tool0;\n";
+    let test = "PROC Fc_Test()\nFCSpdChgAct 55;\nMoveL p1,v20,fine,tool0;\nMoveL p2,v20,fine,tool0;\nENDPROC\n";
+    let undeclared = "rapid.undeclared `FCSpdChgAct` is not in the files: what it could change (frames";
+    assert_eq!(said(test, main), ["rapid.uncalled `Fc_Test`", undeclared]);
+    // A call that keeps nothing is not worth a word.
+    assert!(said(&test.replace("MoveL p1", "MoveL p3").replace("MoveL p2", "MoveL p3"), main).is_empty());
+    assert!(said(&test.replace("FCSpdChgAct 55;", ""), main).is_empty());
+    // A trap keeps them as well.
+    assert!(
+        said(&format!("{test}TRAP t\nMoveL p1,v9,fine,tool0;\nMoveL p2,v9,fine,tool0;\nENDTRAP\n"), main).is_empty()
+    );
+    let offset = "PROC one(robtarget q)\nMoveL Offs(q,0,0,5),v9,fine,tool0;\nENDPROC\nPROC two()\none p2;\nENDPROC\n";
+    assert_eq!(said(offset, "one p1;\n"), ["rapid.uncalled `two`"]);
+}
+
+/// `Path_10` of RobotStudio, which nothing calls, goes to the targets of the program by joint motions.
+#[test]
+fn joint_motions_in_routines_without_a_caller_go_along() {
+    let is_moved = |main: &str, path: &str| {
+        let path = format!("{TOOLS}PROC Path_10()\n{path}\nENDPROC");
+        moved(&with_copies(main, &path)).contains(P1_MOVED)
+    };
+    let cut = "MoveJ Offs(p1,0,0,100),v500,fine,tA;\nMoveL p1,v100,fine,tA;\n";
+    let both = "MoveJ p1,v500,fine,tA;\nMoveL p1,v100,fine,tA;\n";
+    for main in [cut, both] {
+        for path in [
+            "MoveJ p1,v100,fine,tA;",
+            "MoveJ p1,v100,z10,tA;\nMoveL p1,v20,fine,tA;",
+            "MoveL p1,v20,fine,tA;",
+            "! deflex air\nMoveJ p1,v100,fine,tA;",
+        ] {
+            assert!(is_moved(main, path), "{main} {path}");
+        }
+        for path in [
+            "MoveJ p1,v100,fine,tB;",
+            "MoveL p1,v100,fine,tB;",
+            "! deflex cut\nMoveJ p1,v100,fine,tA;",
+            "ConfJ\\Off;\nMoveJ p1,v100,fine,tA;",
+            "IF DInput(di)=1 ConfJ\\Off;\nMoveJ p1,v100,fine,tA;",
+            "PDispSet [[0,0,1],[1,0,0,0]];\nMoveJ p1,v100,fine,tA;",
+            "MoveJ p1,v100,fine,tA\\WObj:=wElse;",
+            "MoveC p1,p2,v100,fine,tB;",
+        ] {
+            assert!(!is_moved(main, path), "{main} {path}");
+        }
+    }
+    // What an old menu starts is what `main` starts.
+    let run = format!("ENDPROC\nPROC rRun()\n{cut}");
+    assert!(is_moved(&format!("rRun;\n{run}"), "rRun;"));
+    assert!(!is_moved(&format!("rRun;\nConfJ\\Off;\n{run}"), "rRun;\nConfJ\\Off;\nrRun;"));
+    // The program cuts nothing at this target.
+    assert!(!is_moved("MoveJ p1,v500,fine,tA;\n", "MoveL p1,v100,fine,tA;"));
+    // The caller of the rewriting says which targets stay.
+    let p = program(&with_copies(cut, &format!("{TOOLS}PROC Path_10()\nMoveJ p1,v100,fine,tA;\nENDPROC")));
+    assert_eq!(p.joints_elsewhere(), [1]);
+    let change = |z: f64, conf| Some(Change { position_mm: [1.0, 2.0, z], quat: None, conf, external: None });
+    let options = RewriteOptions { stays: &[false, true], ..RewriteOptions::default() };
+    let stays = p.rewrite(&[None, change(3.5, None)], &[], &options);
+    assert_eq!((&stays.edits[0][..], &stays.kept[..]), (&[][..], &[(1, Reason::MovesKept)][..]));
+}
+
+/// A target that is known and stays, and a work object of which only another module can say more.
+#[test]
+fn reasons_tell_known_values_from_unknown_ones() {
+    let kept = |body: &str| {
+        program(&with_copies(body, "PERS robtarget pKept:=[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];"))
+    };
+    let reasons = |body: &str| kept(body).kept.iter().map(|kept| kept.reason).collect::<Vec<_>>();
+    assert_eq!(reasons("pKept:=p1;\nMoveL pKept,v9,fine,tool0;"), [Reason::NumbersOfProgram]);
+    assert_eq!(reasons("pKept:=CRobT();\nMoveL pKept,v9,fine,tool0;"), [Reason::Computed]);
+    let p = kept("wElse.uframe.trans.z:=5;\nMoveL p1,v9,fine,tool0\\WObj:=wElse;");
+    let note = p.diagnostics.iter().find(|note| note.code == "rapid.frame").unwrap();
+    assert!(note.help.as_ref().is_some_and(|help| help.contains("--context")), "{note:?}");
+}

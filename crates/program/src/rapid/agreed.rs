@@ -102,7 +102,8 @@ impl Again {
         let written = (0..program.targets.len())
             .map(|i| writer.written(i, &settled.prints, &settled.cloned, &settled.offsets))
             .collect();
-        Rewritten { written, kept: writer.kept, along, ..Rewritten::default() }
+        let confs = settled.confs(layout);
+        Rewritten { written, kept: writer.kept, along, confs, ..Rewritten::default() }
     }
 }
 
@@ -150,12 +151,15 @@ impl WantedValues {
             sites,
             offsets: offsets.collect(),
             standing: Arc::clone(&layout.standing),
+            joints_elsewhere: layout.joints_elsewhere.clone(),
             ..Layout::default()
         };
+        // Whether other motions may go along is not judged here.
+        let stays: Vec<bool> = (0..targets.len()).map(|i| all_runs.is_joint_elsewhere(i)).collect();
         let (files, layout) = ((Arc::clone(&like.sources), like.written), Layout::default());
         let layout = crate::Layout::Rapid(layout);
         let program = Program { targets, ..Program::empty(like.language, like.dialect, files, layout) };
-        let options = &RewriteOptions { air: &air, ..*options };
+        let options = &RewriteOptions { air: &air, stays: &stays, ..*options };
         let (rewritten, settled) =
             rewrite_agreed(&program, &all_runs, front_end::Wanted { changes: &changes, inserts: &[], options });
         Some(Agreed { settled, edits: rewritten.edits, contradicted: AtomicBool::new(false) })

@@ -8,7 +8,7 @@ use super::value::MAX_NORM_ERROR;
 use super::value::{Value, predefined};
 use crate::{Reason, Tool, ToolData, Wobj, WobjData};
 use deflex_lang::ir::SourceSpan;
-use deflex_text::{Severity, Span, decode};
+use deflex_text::{Diagnostic, Severity, Span, decode};
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -105,7 +105,15 @@ impl<'a> Runner<'a> {
     pub(super) fn tell_frame(&mut self, argument: Span, what: &str, name: &str, value: &Value) {
         let why = value.unknown().unwrap_or(Reason::NotANumberList);
         let message = format!("{what} `{name}` is known only at run time here: {why}");
-        self.tell(argument, "rapid.frame", &message, Severity::Note);
+        let place = (usize::from(self.scope().source), argument, "rapid.frame");
+        if !self.is_real() || !self.messages.reported.insert(place) {
+            return;
+        }
+        let note = Diagnostic::error("rapid.frame", "", message).at(&self.symbols.sources[place.0], argument);
+        let note = note.severity(Severity::Note);
+        // The cell states only what the program does not assign.
+        let help = "give the module that declares it with --context: the program assigns it, so that its value in the cell does not count";
+        self.messages.diagnostics.push(if why == Reason::NameUndeclared { note.help(help) } else { note });
     }
 
     /// Whether an argument reads like the last one, and nothing was assigned or called in between.

@@ -272,14 +272,17 @@ impl<'a> Runner<'a> {
              after it"
         );
         let place = (usize::from(scope.source), span, "rapid.undeclared");
-        if !self.is_real() || !self.messages.reported.insert(place) {
+        let by = self.frames.first().map(|frame| frame.routine);
+        let by = by.filter(|_| self.is_recording && self.reached.looking_aside);
+        if !(self.is_real() || by.is_some()) || !self.messages.reported.insert(place) {
             return;
         }
-        let is_named = |other: &Diagnostic| other.code == "rapid.undeclared" && other.message == message;
-        if !self.messages.diagnostics.iter().any(is_named) {
-            let help = "give the module that declares it with --context, or as an input; or, where it changes neither frames nor positions, name it in `[controller] harmless` of the cell";
-            let warning = Diagnostic::error("rapid.undeclared", "", message).at(&self.symbols.sources[place.0], span);
-            self.messages.diagnostics.push(warning.severity(Severity::Warning).help(help));
+        let help = "give the module that declares it with --context, or as an input; or, where it changes neither frames nor positions, name it in `[controller] harmless` of the cell";
+        let warning = Diagnostic::error("rapid.undeclared", "", message).at(&self.symbols.sources[place.0], span);
+        let warning = warning.severity(Severity::Warning).help(help);
+        match by {
+            Some(by) => self.messages.undeclared_aside.push((by, warning)),
+            None => self.messages.tell_once(warning),
         }
     }
 

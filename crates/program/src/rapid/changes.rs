@@ -59,7 +59,7 @@ impl Changes {
     }
 
     /// Adds the changes of a called routine. Returns whether any is new.
-    fn call(&mut self, callee: &Self) -> bool {
+    pub(super) fn call(&mut self, callee: &Self) -> bool {
         let before = (self.data.len(), self.own.len(), self.foreign.len(), self.flags());
         self.data.extend(&callee.data);
         self.foreign.extend(callee.foreign.iter().cloned());

@@ -313,14 +313,15 @@ impl<'a> Runner<'a> {
 
     /// Stores a value. If it is unknown which part is assigned, every part that it may be becomes unknown.
     pub(super) fn store(&mut self, place: &VariablePart, value: &Value) {
-        let value = if place.known { value.detached(Reason::Computed) } else { Value::Unknown(Reason::Computed) };
+        let value =
+            if place.known { value.detached(Reason::NumbersOfProgram) } else { Value::Unknown(Reason::Computed) };
         if place.path.is_empty() {
             return self.set(place.of, value);
         }
         let old = self.held(place.of);
         self.budget.spend(old.parts().unwrap_or(0) / PARTS_PER_STEP);
         self.numbers.pin_value(&old);
-        let new = replaced(&old.detached(Reason::Computed), &place.path, &value);
+        let new = replaced(&old.detached(Reason::NumbersOfProgram), &place.path, &value);
         self.set(place.of, new.unwrap_or(Value::Unknown(Reason::Computed)));
     }
 

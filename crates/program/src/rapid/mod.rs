@@ -104,6 +104,8 @@ pub(crate) struct Layout {
     offsets: Vec<Offset>,
     /// Those of motions that also run where the program does not follow them, and which stay in place if their base moves.
     standing: Arc<Vec<Offset>>,
+    /// Literals to which joint motions go that the program does not follow: they go along with the cuts there.
+    joints_elsewhere: BTreeSet<u32>,
     /// Executed motions, with those whose target is unknown when reading.
     motions: usize,
     /// The program is one procedure of motions to inline targets, so it can be cut anywhere (see `chunks`).
@@ -129,6 +131,11 @@ impl Layout {
             super::Layout::Rapid(layout) => Some(layout),
             _ => None,
         }
+    }
+
+    /// Whether a joint motion that the program does not follow goes to the literal of a target.
+    fn is_joint_elsewhere(&self, i: usize) -> bool {
+        matches!(self.sites[i], TargetInText::Literal { literal, .. } if self.joints_elsewhere.contains(&literal))
     }
 
     /// The offset (`Offs`, `RelTool`) that makes a target.
@@ -162,6 +169,10 @@ impl FrontEnd for Layout {
             source < program.written && !roots.contains(literal) && place.axes(&program.sources[source].bytes).is_some()
         };
         self.sites.iter().map(writes).collect()
+    }
+
+    fn joints_elsewhere(&self, program: &Program) -> Vec<usize> {
+        (0..program.targets.len()).filter(|i| self.is_joint_elsewhere(*i)).collect()
     }
 
     fn motion_targets(&self, _: &Program) -> usize {

@@ -314,14 +314,14 @@ impl<'a> Runner<'a> {
             }
         } else {
             match pose.root {
-                None => Some(Reason::Computed),
+                None => Some(Reason::NumbersOfProgram),
                 Some(root) if self.numbers.literals[root as usize].source as usize >= self.written => {
                     Some(Reason::InContextFile)
                 }
                 Some(_) => return Editable::Pose,
             }
         };
-        Editable::No(reason.unwrap_or(Reason::Computed))
+        Editable::No(reason.unwrap_or(Reason::NumbersOfProgram))
     }
 }
 

@@ -45,12 +45,14 @@ impl Runner<'_> {
             }
         }
         self.keep_what_is_refused();
+        self.tell_what_holds();
         let runs_elsewhere = self.starts_in(elsewhere.unknown.iter().chain(&elsewhere.aside));
         let layout = Layout {
             literals: Arc::new(self.numbers.literals),
             sites: self.found.sites,
             offsets: self.found.offsets,
             standing: Arc::new(self.found.standing),
+            joints_elsewhere: self.found.joints_elsewhere,
             motions: self.counters.motions as usize,
             streamable,
             plain,

@@ -5,7 +5,7 @@ use super::expression::{Expression, ExpressionKind};
 use super::literal::Literal;
 use super::runner::{Found, Numbers};
 use super::tree::File;
-use super::value::{OffsetStep, Origins, Pose, Value};
+use super::value::{HeldNumber, HeldNumbers, Number, OffsetStep, Origins, Pose, Value};
 use deflex_lang::ir::SourceSpan;
 
 impl Numbers {
@@ -95,6 +95,24 @@ impl Numbers {
     pub(super) fn begins(&mut self, variable: usize) {
         self.read.remove(&variable);
         self.origins.remove(&variable);
+    }
+
+    /// Takes out the numbers that must not be edited, so that those are seen that the next steps add.
+    pub(super) fn held(&mut self) -> HeldNumbers {
+        HeldNumbers { pinned: std::mem::take(&mut self.pinned), offsets: std::mem::take(&mut self.held) }
+    }
+
+    /// Puts them back. Returns those that were added.
+    pub(super) fn held_again(&mut self, before: HeldNumbers) -> Vec<HeldNumber> {
+        let pinned = std::mem::replace(&mut self.pinned, before.pinned);
+        let offsets = std::mem::replace(&mut self.held, before.offsets);
+        let literals = pinned
+            .into_iter()
+            .map(|literal| HeldNumber { number: Number::Literal(literal), is_new: self.pinned.insert(literal) });
+        let mut all: Vec<HeldNumber> = literals.collect();
+        let is_new = |place: SourceSpan| HeldNumber { number: Number::Offset(place), is_new: self.held.insert(place) };
+        all.extend(offsets.into_iter().map(is_new));
+        all
     }
 
     pub(super) fn pin_value(&mut self, value: &Value) {

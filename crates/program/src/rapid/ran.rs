@@ -1,5 +1,6 @@
 //! The statements that were run, and the targets of motions that were not.
 
+use super::known::RoutineId;
 use deflex_lang::ir::SourceSpan;
 use deflex_text::Source;
 
@@ -31,6 +32,10 @@ pub(super) struct Use {
     pub(super) offset: Option<SourceSpan>,
     pub(super) position_mm: [f64; 3],
     pub(super) way: Way,
+    /// Whether it is a joint motion through air that goes by the configuration of the text.
+    pub(super) is_free: bool,
+    /// The routine that an operator started; `None` for uses by the program.
+    pub(super) by: Option<RoutineId>,
 }
 
 /// The frames of a motion, and whether it may cut.

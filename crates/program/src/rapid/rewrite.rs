@@ -1,13 +1,13 @@
 //! Writes corrected poses back into number tokens: only sign and digits change.
 
 use super::literal::Literal;
-use super::value::{OffsetStep, rotate, unit};
+use super::value::{Number, OffsetStep, rotate, unit};
 use super::writer::{Pose, Print, Writer};
 use super::{Layout, Offset, TargetInText, clone, insert, own};
 use crate::front_end::Wanted;
 use crate::shared::{Agreed, Numbers, agreed};
 use crate::token::{New, signed, single};
-use crate::{Change, Editable, Goal, Insert, Motion, NO_TURN, Program, Reason, Rewritten, Role};
+use crate::{Change, Conf, Editable, Goal, Insert, Motion, NO_TURN, Program, Reason, Rewritten, Role};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Token};
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -34,14 +34,6 @@ pub(super) struct Settled {
     pub(super) owned: HashSet<Number>,
 }
 
-/// A number in the text on which the pose of a motion depends.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Number {
-    Literal(u32),
-    /// An argument of `Offs` or `RelTool`, by the first of the three.
-    Offset(SourceSpan),
-}
-
 impl Settled {
     /// Whether a number of a target changes.
     pub(super) fn moves(&self, layout: &Layout, i: usize) -> bool {
@@ -50,9 +42,27 @@ impl Settled {
             Number::Offset(place) => is_edited(&self.offsets, place),
         })
     }
+
+    /// The configurations that change, by target.
+    pub(super) fn confs(&self, layout: &Layout) -> Vec<(usize, Conf)> {
+        let conf = |i: usize| {
+            let root = || self.prints.get(layout.root(i)? as usize)?.as_ref();
+            Some((i, self.cloned.get(&i).or_else(root)?.conf?))
+        };
+        (0..layout.sites.len()).filter_map(conf).collect()
+    }
 }
 
 impl Layout {
+    /// The literal from which a target is made.
+    fn root(&self, i: usize) -> Option<u32> {
+        match self.sites[i] {
+            TargetInText::None => None,
+            TargetInText::Literal { literal, .. } => Some(literal),
+            TargetInText::Offset(at) => Some(self.offsets[at as usize].root),
+        }
+    }
+
     /// The numbers of a target.
     pub(super) fn numbers(&self, i: usize) -> Numbers<Number> {
         match self.sites[i] {
@@ -72,7 +82,8 @@ fn is_edited(offsets: &NewOffsets, place: &SourceSpan) -> bool {
 }
 
 pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) -> Rewritten {
-    if !own::is_own(&layout.sites) || !layout.standing.is_empty() {
+    let others_go = !layout.standing.is_empty() || !layout.joints_elsewhere.is_empty();
+    if !own::is_own(&layout.sites) || others_go || wanted.options.stays.contains(&true) {
         return rewrite_agreed(program, layout, wanted).0;
     }
     let mut writer = Writer::new(program, layout, wanted.options);
@@ -85,6 +96,8 @@ pub(super) fn rewrite_agreed(program: &Program, layout: &Layout, wanted: Wanted<
     let Agreed { changes, along, owned } = agreed(program, &wanted, |i| layout.numbers(i));
     let changes = &*changes;
     let mut writer = Writer { along, ..Writer::new(program, layout, wanted.options) };
+    let stays = (0..changes.len()).filter(|i| wanted.options.stays.get(*i) == Some(&true));
+    writer.frozen.extend(stays.filter_map(|i| layout.root(i)));
     let mut settled = Settled::default();
     // A target that stays must not move with another number, so that number stays too: repeat until nothing changes.
     while changes.iter().any(Option::is_some) {
@@ -107,7 +120,8 @@ pub(super) fn rewrite_agreed(program: &Program, layout: &Layout, wanted: Wanted<
         }
     }
     let along = (0..writer.along.len()).filter(|i| writer.along[*i] && settled.moves(layout, *i)).collect();
-    (Rewritten { along, ..writer.done(written, wanted.inserts) }, settled)
+    let confs = settled.confs(layout);
+    (Rewritten { along, confs, ..writer.done(written, wanted.inserts) }, settled)
 }
 
 impl Writer<'_> {
@@ -133,9 +147,10 @@ impl Writer<'_> {
             let Some(offset) = self.layout.offset(site) else { continue };
             let print = prints.get(offset.root as usize).and_then(Option::as_ref);
             let stays = !self.along[i] && (kept.contains(&i) || targets[i].editable != Editable::Position);
-            // A joint motion goes by the configuration of its base, which may be another one than its own.
+            // A joint motion goes by the configuration of its base, which may be another one than its own. Whoever lets it go along judges that.
             let goes_by_it = targets[i].motion == Motion::Joint && targets[i].conf().is_some();
-            if print.is_some_and(|print| stays || goes_by_it && print.changes_conf()) {
+            let is_judged = self.along[i];
+            if print.is_some_and(|print| stays || goes_by_it && !is_judged && print.changes_conf()) {
                 self.frozen.insert(offset.root);
             }
             if !stays {

@@ -8,7 +8,7 @@ use super::state::{Begun, ModalState, Site, Standing, State};
 use super::steps::Routines;
 use super::symbols::{Names, Symbols};
 use super::tree::{File, While};
-use super::value::Origins;
+use super::value::{HeldNumber, Number, Origins};
 use super::{Offset, TargetInText};
 use crate::kept::KeptStatements;
 use crate::{ExternalAxes, InactiveUnit, Mark, Target, Tool, UnknownMotion, Wobj};
@@ -193,8 +193,21 @@ pub(super) struct Reached {
     pub(super) is_aside_cut: bool,
     /// Uses by routines that nothing runs.
     pub(super) aside: Vec<Use>,
+    /// Numbers that only routines hold that nothing runs, with these routines.
+    pub(super) held_by: HashMap<Number, BTreeSet<RoutineId>>,
     /// Calls of procedures chosen at run time: the start of their names in upper case, empty if any name is possible.
     pub(super) called_late: Vec<Box<[u8]>>,
+}
+
+impl Reached {
+    /// Records that a routine that nothing runs holds a number.
+    pub(super) fn hold(&mut self, HeldNumber { number, is_new }: HeldNumber, by: RoutineId) {
+        if is_new {
+            self.held_by.insert(number, BTreeSet::from([by]));
+        } else if let Some(all) = self.held_by.get_mut(&number) {
+            all.insert(by);
+        }
+    }
 }
 
 /// The robtargets of the text, and the reasons not to edit their numbers.
@@ -248,6 +261,8 @@ pub(super) struct Found {
     pub(super) standing: Vec<Offset>,
     /// The roots and first numbers of these.
     pub(super) standing_places: HashSet<(u32, Option<SourceSpan>)>,
+    /// See [`Layout::joints_elsewhere`](super::Layout).
+    pub(super) joints_elsewhere: BTreeSet<u32>,
     /// Motions without a target.
     pub(super) unknown: Vec<UnknownMotion>,
     /// The place of the last target.
@@ -262,7 +277,18 @@ pub(super) struct Messages {
     pub(super) kept: KeptStatements,
     /// Diagnostics that were reported, by code.
     pub(super) reported: HashSet<(usize, Span, &'static str)>,
+    /// Calls of routines in no file, by the routines that nothing runs in which they are.
+    pub(super) undeclared_aside: Vec<(RoutineId, Diagnostic)>,
     pub(super) diagnostics: Vec<Diagnostic>,
+}
+
+impl Messages {
+    /// Reports what no other message says.
+    pub(super) fn tell_once(&mut self, new: Diagnostic) {
+        if !self.diagnostics.iter().any(|other| other.code == new.code && other.message == new.message) {
+            self.diagnostics.push(new);
+        }
+    }
 }
 
 impl<'a> Runner<'a> {

@@ -1,20 +1,20 @@
 //! Other uses of a target's numbers: in routines that nothing runs, traps, handlers and functions. A number is edited only if all
 //! its uses are known and ask for the same value.
 
-use super::Offset;
 use super::expression::{Expression, ExpressionKind};
-use super::known::RoutineId;
+use super::known::{Changes, RoutineId};
 use super::motion;
 use super::ran::{Use, Way};
-use super::runner::{Mode, Runner};
-use super::state::{ModalState, Switches};
+use super::runner::{Mode, Reached, Runner};
+use super::state::{ModalState, OnOff};
 use super::symbols::Upper;
 use super::tree::{Data, RoutineKind, Statement, Storage, statements};
-use super::value::{OffsetStep, Pose, axes_in_use};
-use crate::{Editable, Goal, Motion, Reason, Target};
+use super::value::{Number, OffsetStep, Pose, axes_in_use};
+use super::{Offset, TargetInText};
+use crate::{Editable, Goal, Mark, Motion, Reason, Target};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Severity, Span};
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// The routines that also run at a moment, or from a caller, that the run of the program does not follow.
 pub(super) struct RunsElsewhere {
@@ -55,7 +55,10 @@ impl<'a> Runner<'a> {
             return;
         }
         let way = Way::of(target);
-        self.reached.aside.push(Use { root, offset, position_mm: pose.written.position_mm, way });
+        let has_conf = self.state.modal.nearest == OnOff::Off && pose.written.conf.is_some();
+        let is_free = is_free(target) && has_conf;
+        let by = self.frames.first().map(|frame| frame.routine).filter(|_| self.reached.looking_aside);
+        self.reached.aside.push(Use { root, offset, position_mm: pose.written.position_mm, way, is_free, by });
     }
 
     /// Runs the routines that nothing in the files calls, because an operator may run them by hand, and notes the data that they use.
@@ -71,32 +74,63 @@ impl<'a> Runner<'a> {
         let first = waiting.iter().filter(|id| roots.contains(*id));
         let rest = waiting.iter().filter(|id| !roots.contains(*id));
         let order: Vec<RoutineId> = first.chain(rest).copied().collect();
+        let changes = self.changed_by_what_runs();
+        let left = std::mem::take(&mut self.state);
         for id in order {
             if !self.may_be_called_late(id) && self.reached.entered_aside.contains(&id) {
                 continue;
             }
-            self.forget_what_routines_change();
+            // As `main`, it does not begin with what another one left that an operator started.
+            self.state = left.clone();
+            self.forget_at_any_moment(&changes);
+            let before = self.numbers.held();
             self.aside(|this| this.start(id));
+            let own = self.numbers.held_again(before);
+            own.into_iter().for_each(|number| self.reached.hold(number, id));
         }
+        self.state = left;
         self.reached.is_aside_cut = self.budget.is_spent();
         self.reached.looking_aside = false;
     }
 
     /// Sets the state for a routine called at an unknown moment: everything that some routine changes is unknown.
     pub(super) fn forget_what_routines_change(&mut self) {
-        let open = |at: &usize| {
-            let variable = &self.symbols.variables[*at];
-            variable.assigned && variable.storage != Storage::Const
-        };
-        let changing: Vec<usize> = (0..self.symbols.data).filter(open).collect();
-        for at in changing {
-            self.lose_data(at, Reason::ByHand);
+        let changes = self.changed_by_those(|_| true);
+        self.forget_at_any_moment(&changes);
+    }
+
+    /// The changes of all routines but those that nothing runs, unless an operator starts them.
+    fn changed_by_what_runs(&self) -> Changes {
+        let Reached { entered, endless, .. } = &self.reached;
+        self.changed_by_those(|id| {
+            let is_followed = entered.contains(id) || endless.contains(id);
+            // Other files may run what they have.
+            is_followed
+                || self.symbols.known.aside.contains(id)
+                || self.may_be_called_late(*id)
+                || id.file >= self.written
+        })
+    }
+
+    /// The changes of these routines, and those that happen at any moment.
+    fn changed_by_those(&self, among: impl Fn(&RoutineId) -> bool) -> Changes {
+        let mut all = self.symbols.known.at_any_moment.clone();
+        for id in self.symbols.all().filter(among) {
+            all.call(self.symbols.changed_by(id));
         }
-        let mut anywhere = Switches::NONE;
-        self.symbols.all().for_each(|id| anywhere |= self.symbols.changed_by(id).switches);
+        all
+    }
+
+    /// Makes everything unknown that these changes name.
+    fn forget_at_any_moment(&mut self, changes: &Changes) {
+        for &at in &changes.data {
+            if self.symbols.variables[at].storage != Storage::Const {
+                self.lose_data(at, Reason::ByHand);
+            }
+        }
         self.state.modal = ModalState { mark: self.state.modal.mark, ..ModalState::default() };
         self.state.modal.axes.lose_positions();
-        self.state.modal.lose(anywhere);
+        self.state.modal.lose(changes.switches);
     }
 
     /// The routines that also run at a moment, or from a caller, that the run of the program does not follow.
@@ -115,6 +149,7 @@ impl<'a> Runner<'a> {
 
     /// Forbids edits of all numbers that are used in handlers, and in routines whose other runs are unknown.
     pub(super) fn hold_what_runs_elsewhere(&mut self, elsewhere: &RunsElsewhere) {
+        let before = self.numbers.held();
         for id in self.symbols.all().collect::<Vec<_>>() {
             let routine = self.symbols.routine(id);
             let body = if elsewhere.unknown.contains(&id) { &routine.body[..] } else { &[] };
@@ -122,6 +157,10 @@ impl<'a> Runner<'a> {
             if !all.is_empty() {
                 self.hold_in(id, &all);
             }
+        }
+        // Other routines are no longer the only cause.
+        for number in self.numbers.held_again(before) {
+            self.reached.held_by.remove(&number.number);
         }
     }
 
@@ -263,29 +302,97 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Forbids edits of numbers that a routine that nothing runs uses in other frames than the program, or at another position.
+    /// Forbids edits of numbers that a routine that nothing runs uses in other frames than the program, for a cut of its own, or at another
+    /// position.
     pub(super) fn hold_what_is_used_otherwise(&mut self) {
         if self.reached.aside.is_empty() {
             return;
         }
         let mut ways: HashMap<u32, Vec<Way>> = HashMap::new();
-        let mut positions: HashMap<SourceSpan, Vec<[u64; 3]>> = HashMap::new();
+        let mut arrivals: HashMap<SourceSpan, Vec<Arrival>> = HashMap::new();
         for (target, site) in self.found.targets.iter().zip(&self.found.sites) {
             let Some(root) = self.found.root(site) else { continue };
             add(ways.entry(root).or_default(), Way::of(target));
             if let (Some(place), Goal::Pose { position_mm, .. }) = (self.found.offset(site), &target.goal) {
-                add(positions.entry(place).or_default(), position_mm.map(f64::to_bits));
+                let is_free = is_free(target) && target.conf().is_some();
+                add(arrivals.entry(place).or_default(), Arrival { at: position_mm.map(f64::to_bits), is_free });
             }
         }
         for other in std::mem::take(&mut self.reached.aside) {
-            let at = other.position_mm.map(f64::to_bits);
-            let moves = |place: &SourceSpan| positions.get(place).is_some_and(|all| all.iter().any(|one| *one != at));
-            if ways.get(&other.root).is_some_and(|all| all.iter().any(|way| *way != other.way)) {
+            let own = Arrival { at: other.position_mm.map(f64::to_bits), is_free: other.is_free };
+            let arrivals = other.offset.and_then(|place| arrivals.get(&place));
+            let differs = arrivals.is_some_and(|all| all.iter().any(|one| *one != own));
+            let before = self.numbers.held();
+            let ways = ways.get(&other.root).map_or(&[][..], Vec::as_slice);
+            let has_same_frames = |way: &Way| Way { cuts: other.way.cuts, ..*way } == other.way;
+            let is_cut = ways.iter().any(|way| way.cuts);
+            // A motion that cuts nothing goes along with a cut, if that is judged: of the robtarget itself, or as a motion of the program that
+            // arrives in the same way.
+            let is_judged = match other.offset {
+                None => other.is_free,
+                Some(_) => arrivals.is_some() && !differs,
+            };
+            let is_wanted = other.way.cuts == is_cut || !other.way.cuts && is_judged;
+            if !ways.iter().all(has_same_frames) || !ways.is_empty() && !is_wanted {
                 self.numbers.pinned.insert(other.root);
                 self.numbers.held.extend(other.offset);
             } else {
-                self.numbers.held.extend(other.offset.filter(moves));
+                self.numbers.held.extend(other.offset.filter(|_| differs));
+                let is_joint = is_cut && !other.way.cuts && other.offset.is_none();
+                self.found.joints_elsewhere.extend(is_joint.then_some(other.root));
             }
+            let own = self.numbers.held_again(before);
+            if let Some(by) = other.by {
+                own.into_iter().for_each(|number| self.reached.hold(number, by));
+            }
+        }
+    }
+
+    /// Names the routines that nothing calls and because of which alone targets are kept, and what these call that is in no file.
+    pub(super) fn tell_what_holds(&mut self) {
+        let mut kept: BTreeMap<RoutineId, BTreeSet<(u16, u32)>> = BTreeMap::new();
+        let (targets, sites) = (&self.found.targets, &self.found.sites);
+        let refused = |target: &Target, site: &TargetInText| match target.editable {
+            Editable::No(Reason::DeclarationUsedElsewhere) => self.found.root(site).map(Number::Literal),
+            Editable::No(Reason::OffsetUsedElsewhere) => self.found.offset(site).map(Number::Offset),
+            _ => None,
+        };
+        // A motion of the program itself may hold them as well.
+        let holds = |target: &Target| {
+            use Reason::{DeclarationUsedElsewhere, OffsetUsedElsewhere, OffsetWithExpression};
+            let is_held = |why| matches!(why, DeclarationUsedElsewhere | OffsetUsedElsewhere | OffsetWithExpression);
+            matches!(target.editable, Editable::No(why) if !is_held(why))
+        };
+        let held: HashSet<Number> = targets
+            .iter()
+            .zip(sites)
+            .filter(|(target, _)| holds(target))
+            .flat_map(|(_, site)| {
+                [self.found.root(site).map(Number::Literal), self.found.offset(site).map(Number::Offset)]
+            })
+            .flatten()
+            .collect();
+        for (target, site) in targets.iter().zip(sites) {
+            let number = refused(target, site).filter(|number| !held.contains(number));
+            let by = number.and_then(|number| self.reached.held_by.get(&number));
+            for by in by.into_iter().flatten() {
+                kept.entry(*by).or_default().insert((target.source, target.span.start));
+            }
+        }
+        for (id, kept) in kept {
+            let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();
+            let message = format!(
+                "`{name}`, which nothing calls, keeps {}: it uses their targets otherwise, or in a state that is not known",
+                motions(kept.len())
+            );
+            let help = "call it where it runs, so that deflex knows its state, or delete it if nobody starts it";
+            let note = Diagnostic::error("rapid.uncalled", "", message)
+                .at(&self.symbols.sources[id.file], self.symbols.routine(id).name);
+            self.messages.diagnostics.push(note.severity(Severity::Note).help(help));
+            let unknown = std::mem::take(&mut self.messages.undeclared_aside);
+            let (own, others) = unknown.into_iter().partition(|(by, _)| *by == id);
+            self.messages.undeclared_aside = others;
+            own.into_iter().for_each(|(_, undeclared)| self.messages.tell_once(undeclared));
         }
     }
 
@@ -367,6 +474,19 @@ impl<'a> Runner<'a> {
 
 fn motions(count: usize) -> String {
     if count == 1 { "1 motion".to_owned() } else { format!("{count} motions") }
+}
+
+/// Where a motion to an offset arrives.
+#[derive(Clone, Copy, PartialEq)]
+struct Arrival {
+    at: [u64; 3],
+    /// See [`Use::is_free`].
+    is_free: bool,
+}
+
+/// Whether a motion cuts nothing in any cell.
+fn is_free(target: &Target) -> bool {
+    target.motion == Motion::Joint && target.mark != Some(Mark::Cut)
 }
 
 /// Adds a use if it is new.

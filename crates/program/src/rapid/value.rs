@@ -44,6 +44,27 @@ pub(super) struct Origins {
     pub(super) offsets: HashSet<SourceSpan>,
 }
 
+/// Numbers that must not be edited, taken out of those of the program.
+pub(super) struct HeldNumbers {
+    pub(super) pinned: BTreeSet<u32>,
+    pub(super) offsets: HashSet<SourceSpan>,
+}
+
+/// One of them.
+pub(super) struct HeldNumber {
+    pub(super) number: Number,
+    /// Whether nothing before has held it.
+    pub(super) is_new: bool,
+}
+
+/// A number in the text on which the pose of a motion depends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Number {
+    Literal(u32),
+    /// An argument of `Offs` or `RelTool`, by the first of the three.
+    Offset(SourceSpan),
+}
+
 impl Origins {
     pub(super) fn add(&mut self, pose: &Pose) {
         self.literals.extend(pose.root);

@@ -5,7 +5,7 @@ use super::literal::Literal;
 use super::value::{quarters, unit};
 use crate::EXTERNAL_AXES;
 use crate::token::{New, signed, single};
-use crate::{Change, Editable, Goal, Program, Reason, RewriteOptions};
+use crate::{Change, Conf, Editable, Goal, Program, Reason, RewriteOptions};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Span, Token};
 use std::collections::{BTreeSet, HashSet};
@@ -18,6 +18,8 @@ pub(super) struct Print {
     pub(super) axes: Vec<(Span, Token)>,
     /// The numbers of position and orientation after the edit, where known.
     pub(super) values: [Option<f64>; 7],
+    /// The configuration after the edit, if it changes.
+    pub(super) conf: Option<Conf>,
 }
 
 impl Print {
@@ -103,6 +105,7 @@ impl<'a> Writer<'a> {
                 // A configuration given by name stays, because other targets may use it.
                 if !literal.token(7 + c).is_empty() {
                     print.tokens[7 + c] = New::of(self.token(literal, 7 + c), f64::from(value), 0).token;
+                    print.conf = change.conf;
                 }
             }
         }

@@ -98,7 +98,8 @@ impl Layout {
         match (program.targets[i].goal, self.sites[i].and_then(|site| self.pose(site))) {
             (Goal::Pose { position_mm, quat, .. }, Some(Pose { values: [x, y, z, ..], .. })) => {
                 let offset = minus(position_mm, [*x, *y, *z]);
-                match turned.filter(|turned| self.in_tool.contains(&i) && *turned != quat) {
+                let differs = |turned: &[f64; 4]| turned.iter().zip(&quat).any(|(new, old)| new.total_cmp(old).is_ne());
+                match turned.filter(|turned| self.in_tool.contains(&i) && differs(turned)) {
                     Some(turned) => {
                         (rotation(turned) * (rotation(quat).inverse() * nalgebra::Vector3::from(offset))).into()
                     }
