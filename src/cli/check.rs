@@ -9,7 +9,7 @@ use super::run::each;
 use super::setup::setup;
 use super::{Answer, Outcome, message, progress};
 use crate::session::checked::{add_notes, answer_json, limited};
-use crate::session::input::Context;
+use crate::session::context::Context;
 use crate::session::job::Job;
 use crate::session::output::{Outputs, one_thing};
 use crate::session::read::both;

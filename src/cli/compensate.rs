@@ -7,7 +7,7 @@ use super::report::joined;
 use super::run::{Done, each, finish, origins};
 use super::setup::setup;
 use super::{Outcome, progress, stream};
-use crate::session::input::Context;
+use crate::session::context::Context;
 use crate::session::job::Job;
 use crate::session::output::{Outputs, cannot_write, is_stdout, one_thing};
 use crate::session::read::{both, other_ending};

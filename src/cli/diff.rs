@@ -2,7 +2,7 @@
 
 use super::args::Diff;
 use super::{Answer, Outcome};
-use crate::session::input::Context;
+use crate::session::context::Context;
 use crate::session::job::Job;
 use crate::session::output::{Outputs, one_thing, to_stdout};
 use crate::session::read::both;

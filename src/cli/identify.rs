@@ -3,7 +3,8 @@
 use super::against::Originals;
 use super::args::Identify;
 use super::{Answer, Outcome, message, progress};
-use crate::session::input::{CellFile, Context};
+use crate::session::context::Context;
+use crate::session::input::CellFile;
 use crate::session::job::Job;
 use crate::session::output::{Outputs, one_thing, to_stdout};
 use crate::session::read::{all, both};

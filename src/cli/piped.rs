@@ -1,6 +1,6 @@
 //! Stores a program that comes through a pipe, because a pipe can be read only once.
 
-use crate::session::input::Context;
+use crate::session::context::Context;
 use crate::session::job::{self, Job, Looked};
 use crate::session::output::{Temporary, is_stdout};
 use crate::session::text::Text;

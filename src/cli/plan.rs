@@ -2,7 +2,8 @@
 
 use super::args::Plan as Arguments;
 use super::{Answer, Outcome, message, progress};
-use crate::session::input::{CellFile, Context};
+use crate::session::context::Context;
+use crate::session::input::CellFile;
 use crate::session::job::Job;
 use crate::session::output::{Outputs, is_stdout, one_thing, to_stdout};
 use crate::session::read::{all, both, other_ending, source};

@@ -7,7 +7,7 @@ use super::predicted::{self, Batch};
 use super::run::{Done, each, finish, origins};
 use super::setup::setup;
 use super::{Outcome, message, progress};
-use crate::session::input::Context;
+use crate::session::context::Context;
 use crate::session::job::Job;
 use crate::session::output::{Outputs, one_thing, to_stdout};
 use crate::session::read::both;

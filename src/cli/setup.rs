@@ -1,8 +1,9 @@
 //! The setup of a run from its arguments.
 
 use super::args::{Corrected as What, Model, Reports};
+use crate::session::context::Context;
 use crate::session::forces::ForceFile;
-use crate::session::input::{CellFile, Context};
+use crate::session::input::CellFile;
 use crate::session::read::both;
 use crate::session::setup::Setup;
 use deflex::correct::{Correct, Options};

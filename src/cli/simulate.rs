@@ -5,7 +5,7 @@ use super::args::{Corrected, Simulate};
 use super::piped::{Piped, jobs};
 use super::setup::setup;
 use super::{Answer, Outcome, message, progress};
-use crate::session::input::Context;
+use crate::session::context::Context;
 use crate::session::output::{Outputs, one_thing, to_stdout};
 use crate::session::read::{both, source};
 use crate::session::report::pretty;

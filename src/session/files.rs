@@ -1,5 +1,6 @@
 use super::{CellFile, Run};
-use crate::session::input::{self, Context};
+use crate::session::context::Context;
+use crate::session::input;
 use crate::session::job::{Job, Long};
 use crate::session::read::all;
 use crate::session::text::Text;
@@ -127,7 +128,10 @@ impl ProgramFiles {
 
     /// The program as one text that can be read in chunks; `None` if it has several files.
     pub(super) fn long(&self, run: &Run) -> Option<Long<'_>> {
-        self.job.long(self.context.of(&self.job, Some(&run.setup.cell.cell)).ok()?, run.setup.cl_options())
+        self.job.long(
+            self.context.with(&self.job.context, self.job.language, Some(&run.setup.cell.cell)).ok()?,
+            run.setup.cl_options(),
+        )
     }
 
     /// Names of the files in an output folder.

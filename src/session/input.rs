@@ -1,7 +1,8 @@
 //! Parses files into programs, cells and tables.
 
+use super::context::Context;
 use super::job::Job;
-use super::read::{self, all, source, sources};
+use super::read::{self, all, source};
 use super::text::Text;
 use deflex::cell::Cell;
 use deflex::program::cl::{ClOptions, Units};
@@ -9,8 +10,7 @@ use deflex::program::jbi::take_speeds_in;
 use deflex::program::{Language, ModuleNames, Program, ReadOptions, detect, read};
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Severity, Source};
-use std::borrow::Cow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// How CL data are read without a cell: only for results that depend on neither units nor tools.
 fn without_cell() -> ClOptions {
@@ -24,7 +24,7 @@ pub(crate) fn program(
     cell: &CellFile,
     tool: Option<&str>,
 ) -> Result<Program, Vec<Diagnostic>> {
-    let context = reading.of(&job, Some(&cell.cell))?.into_owned();
+    let context = reading.with(&job.context, job.language, Some(&cell.cell))?.into_owned();
     if job.language.is_edited() {
         let mut program = parse(job, context, &ReadOptions { cl: &ClOptions::default(), look: false })?;
         take_speeds_in(&mut program, cell.cell.controller.speed_unit);
@@ -42,7 +42,7 @@ pub(crate) fn program(
 
 /// Parses a program without a cell: `inspect` and `diff` write no program.
 pub(crate) fn program_alone(job: Job, reading: &Context) -> Result<Program, Vec<Diagnostic>> {
-    let context = reading.of(&job, None)?.into_owned();
+    let context = reading.with(&job.context, job.language, None)?.into_owned();
     parse(job, context, &ReadOptions { cl: &without_cell(), look: true })
 }
 
@@ -85,40 +85,6 @@ pub(crate) fn reread(
     context: Vec<Source>,
 ) -> Result<Program, Vec<Diagnostic>> {
     read(language, written, context, &ReadOptions { cl: &without_cell(), look: true })
-}
-
-/// Context modules, read once for all programs.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Context {
-    sources: Vec<Source>,
-}
-
-impl From<Vec<Source>> for Context {
-    fn from(sources: Vec<Source>) -> Self {
-        Self { sources }
-    }
-}
-
-impl Context {
-    pub(crate) fn read(paths: &[PathBuf]) -> Result<Self, Vec<Diagnostic>> {
-        Ok(Self { sources: sources(paths)? })
-    }
-
-    /// The modules, in the order in which they were given.
-    pub(crate) fn sources(&self) -> &[Source] {
-        &self.sources
-    }
-
-    /// The modules, other inputs that are read with a program, and declarations of the routines that the cell lists as free of motions.
-    pub(crate) fn of(&self, job: &Job, cell: Option<&Cell>) -> Result<Cow<'_, [Source]>, Vec<Diagnostic>> {
-        let is_new = |text: &&Text| self.sources.iter().all(|known| known.name != text.name());
-        let of_job = all(job.context.iter().filter(is_new).map(|text| text.clone().read()))?;
-        let harmless = cell.map_or_else(Vec::new, |cell| cell.controller.declarations(job.language));
-        Ok(match [of_job, harmless].concat() {
-            more if more.is_empty() => Cow::Borrowed(&self.sources),
-            more => Cow::Owned([self.sources.clone(), more].concat()),
-        })
-    }
 }
 
 /// A cell, and the file from which it was read.

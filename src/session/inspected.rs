@@ -1,4 +1,5 @@
-use crate::session::input::{self, Context};
+use crate::session::context::Context;
+use crate::session::input;
 use crate::session::job::{Job, belongs_to_another};
 use crate::session::read::all;
 use crate::session::report::pretty;

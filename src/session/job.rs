@@ -1,6 +1,6 @@
 //! Finds out which files form one program, and their language. The files are not parsed yet.
 
-use super::input::Context;
+use super::context::Context;
 use super::read::{all, parted, source};
 use super::text::Text;
 use deflex::program::cl::ClOptions;
@@ -347,10 +347,10 @@ mod tests {
         assert_eq!([context(&jobs[0]), context(&jobs[1])], [["two.mod"], ["data.mod"]]);
         for job in jobs {
             let context = Context::default();
-            assert_eq!(context.of(&job, None).unwrap().len(), 1);
+            assert_eq!(context.with(&job.context, job.language, None).unwrap().len(), 1);
             // A file that the command gives with --context too is read once.
             let given = Context::from(vec![Source::new("data.mod", data), Source::new("two.mod", part("Two"))]);
-            assert_eq!(given.of(&job, None).unwrap().len(), 2);
+            assert_eq!(given.with(&job.context, job.language, None).unwrap().len(), 2);
             let program = program_alone(job, &context).unwrap();
             assert!(program.tools[0].data.is_some() && program.diagnostics.is_empty(), "{:?}", program.diagnostics);
         }

@@ -23,6 +23,7 @@ pub(crate) mod again;
 pub(crate) mod blocks;
 pub(crate) mod checked;
 mod compared;
+pub(crate) mod context;
 pub(crate) mod file_state;
 mod files;
 pub(crate) mod finished;
@@ -113,7 +114,7 @@ impl Run {
     /// A run with this cell and the default options of the command.
     #[must_use]
     pub fn new(cell: Arc<CellFile>) -> Self {
-        let setup = Setup { cell, forces: None, context: input::Context::default(), options: Options::default() };
+        let setup = Setup { cell, forces: None, context: context::Context::default(), options: Options::default() };
         Self { setup, again: false, max_path_error: None, post: None, follow: None, draws: false, keeps_numbers: false }
     }
 

@@ -1,7 +1,8 @@
 //! The settings that all programs of a run share: the cell, forces, context and options.
 
+use super::context::Context;
 use super::forces::ForceFile;
-use super::input::{self, CellFile, Context};
+use super::input::{self, CellFile};
 use super::job::{Job, Long};
 use super::read::cannot_write;
 use deflex::cell::examples_left;
@@ -32,7 +33,7 @@ impl Setup {
         if holds_whole(&self.cell.cell) {
             return None;
         }
-        job.long(self.context.of(job, Some(&self.cell.cell)).ok()?, self.cl_options())
+        job.long(self.context.with(&job.context, job.language, Some(&self.cell.cell)).ok()?, self.cl_options())
     }
 
     /// The result of a run in chunks; `None` if the program can be understood only as a whole.

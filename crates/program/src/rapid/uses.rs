@@ -385,7 +385,7 @@ impl<'a> Runner<'a> {
                 "`{name}`, which nothing calls, keeps {}: it uses their targets otherwise, or in a state that is not known",
                 motions(kept.len())
             );
-            let help = "call it where it runs, so that deflex knows its state, or delete it if nobody starts it";
+            let help = "call it where it runs, so that deflex knows its state, or delete it if it is not used";
             let note = Diagnostic::error("rapid.uncalled", "", message)
                 .at(&self.symbols.sources[id.file], self.symbols.routine(id).name);
             self.messages.diagnostics.push(note.severity(Severity::Note).help(help));
