@@ -283,7 +283,8 @@ fn module_names(source: &Source) -> Option<Result<ModuleNames, Vec<Diagnostic>>>
     Some(read.map(|()| names).map_err(|error| cannot_read(&source.name, &error)))
 }
 
-/// Gives each program the others that it calls, with those that they call, and the name of one that calls it.
+/// Gives each program the others that it calls, with those that they call, those that call it, and those that have data in common with it; and the
+/// name of one that calls it.
 fn connect(jobs: &mut [(usize, Job)]) -> Result<(), Vec<Diagnostic>> {
     let may_call = |job: &Job| job.language.about().calls.is_some();
     let names = jobs.par_iter().filter(|(_, job)| may_call(job)).map(|(_, job)| job.names());
@@ -299,8 +300,10 @@ fn connect(jobs: &mut [(usize, Job)]) -> Result<(), Vec<Diagnostic>> {
             all
         })
         .collect();
-    for (i, called) in called.into_iter().enumerate() {
-        jobs[i].context = called.into_iter().map(|k| jobs[k].texts[0].clone()).collect();
+    for i in 0..names.len() {
+        let is_related =
+            |k: &usize| called[i].contains(k) || called[*k].contains(&i) || *k != i && names[i].shares_data(&names[*k]);
+        jobs[i].context = (0..names.len()).filter(is_related).map(|k| jobs[k].texts[0].clone()).collect();
         jobs[i].caller = (0..names.len()).find(|k| calls(*k, i)).map(|k| jobs[k].name.clone());
     }
     Ok(())

@@ -145,3 +145,17 @@ fn a_pose_turns_about_the_fixed_axes() {
     assert!((turned - nalgebra::Vector3::new(3.0, 1.0, 2.0)).norm() < 1e-12, "{turned}");
     assert!(tp.numbers(&pose, &numbers).iter().zip(numbers).all(|(a, b)| (a - b).abs() < 1e-9));
 }
+
+/// A called program that waits for a register goes on when something else has set it.
+#[test]
+fn registers_for_which_a_called_program_waits_are_unknown() {
+    let end = |wait: &str| {
+        let called = format!("/PROG W\n/MN\n1:{wait} ;\n/POS\n/END\n");
+        let given = ["/PROG MAIN\n/MN\n/POS\n/END\n", &called];
+        Held(&outcome("R[1]=2\nR[2]=3\nCALL W\nL P[R[1]] 5mm/sec FINE", &given).motions[0]).end()
+    };
+    assert_eq!(end("WAIT R[1]=3"), None);
+    assert_eq!(end("WAIT R[R[2]]=3 TIMEOUT,LBL[1]"), None);
+    assert_eq!(end("WAIT R[2:go]=3 AND DI[1]=ON"), Some(2));
+    assert_eq!(end("WAIT 1.00(sec)"), Some(2));
+}

@@ -1041,3 +1041,13 @@ fn a_position_that_takes_components_from_a_relative_motion_holds_the_one_before(
     );
     assert_eq!(p.targets[0].editable, Editable::No(Reason::ReadByOthers));
 }
+
+/// The next run begins with the numbers that this one has left in a point: they are not edited for another place.
+#[test]
+fn what_the_next_run_takes_over_stays() {
+    for change in ["XP4=XP3", "XP4.X=XP3.X", "XP4.X=XP3.X+5"] {
+        let is_moved = |body: String| with_air(&with_points(&body)).0.contains("XP3={X 150.500");
+        assert!(!is_moved(format!("LIN XP4\nLIN XP3\n{change}")), "{change}");
+        assert!(is_moved(format!("XP4=XP2\nLIN XP3\n{change}")), "{change}");
+    }
+}

@@ -964,6 +964,15 @@ fn routines_without_a_caller_begin_as_main_does() {
     assert!(matches!(read_with(vec![Source::new("n.mod", other.to_owned())]), Editable::No(_)));
 }
 
+/// The correction of a circle point is not that of a cut that ends there.
+#[test]
+fn a_routine_without_a_caller_holds_the_circle_points_to_which_it_cuts() {
+    let arc = format!("MoveL {ONE},v20,fine,tool0;\nMoveC p1,{OTHER},v20,fine,tool0;\n");
+    let with = |motion: &str| moved(&with_copies(&arc, &format!("PROC service()\n{motion}\nENDPROC\n")));
+    assert!(!with("MoveL p1,v20,fine,tool0;").contains(P1_MOVED));
+    assert!(with(&format!("MoveL {ONE},v20,fine,tool0;\nMoveC p1,{OTHER},v20,fine,tool0;")).contains(P1_MOVED));
+}
+
 /// The user finds out which routine keeps the targets, and which call in it.
 #[test]
 fn the_routine_that_keeps_targets_is_named() {

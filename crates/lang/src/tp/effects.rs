@@ -133,6 +133,14 @@ pub(super) fn effects(kind: &StatementKind<'_>) -> Vec<Effect> {
             concurrent.into_iter().chain(stored.into_iter().flatten()).chain([Effect::Moves]).collect()
         }
         StatementKind::Displace(why) => vec![Effect::Displace(*why)],
+        // If the condition does not hold yet, something else changes the registers that it names.
+        StatementKind::Wait(condition, _) => {
+            let [registers, position_registers] = statement::registers_in(condition);
+            let registers = registers.into_iter().map(|register| Effect::Register(expression::count(register)));
+            let of_positions =
+                position_registers.into_iter().map(|register| Effect::Elements(expression::count(register)));
+            registers.chain(of_positions).collect()
+        }
         _ => statement::guarded_by(kind).map_or_else(Vec::new, |guarded| effects(&guarded)),
     }
 }

@@ -493,7 +493,7 @@ pub fn positions_named<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -> Vec<
         index: index(within).split(|b| *b == b',').next().unwrap_or_default(),
         is_assigned: rest.trim_ascii_start().starts_with(b"="),
     };
-    bracketed(line, b"P[").skip(skip).map(named).collect()
+    bracketed(&line.text, b"P[").skip(skip).map(named).collect()
 }
 
 /// The indices of the position registers on whose values something depends that a statement does; not those of the register to which it moves, and of
@@ -505,7 +505,7 @@ pub(super) fn registers_used<'a>(line: &'a Line<'_>, kind: &StatementKind<'_>) -
         StatementKind::Element(register, element, value) => 1 + usize::from(is_sum_with(value, register, element)),
         _ => 0,
     };
-    bracketed(line, b"PR[").skip(skip).map(|(within, _)| register_index(within)).collect()
+    bracketed(&line.text, b"PR[").skip(skip).map(|(within, _)| register_index(within)).collect()
 }
 
 /// The index of a position register, without its motion group and element.
@@ -529,9 +529,13 @@ fn is_sum_with(value: &[u8], register: &[u8], element: &[u8]) -> bool {
     adds && is_same(own, register) && own_element.is_some_and(|own| is_same(own, element))
 }
 
+/// The indices of the registers, and those of the position registers, that a condition names.
+pub(super) fn registers_in(condition: &[u8]) -> [Vec<&[u8]>; 2] {
+    [&b"R["[..], b"PR["].map(|name| bracketed(condition, name).map(|(within, _)| register_index(within)).collect())
+}
+
 /// The texts in the brackets after a name in a statement, each with the text after it. An index without an end may be any.
-fn bracketed<'a>(line: &'a Line<'_>, name: &'static [u8]) -> impl Iterator<Item = (&'a [u8], &'a [u8])> {
-    let text = &line.text[..];
+fn bracketed<'a>(text: &'a [u8], name: &'static [u8]) -> impl Iterator<Item = (&'a [u8], &'a [u8])> {
     let is_remark = [&b"!"[..], b"//", b"--"].iter().any(|sign| text.starts_with(sign));
     let upper = if is_remark { Vec::new() } else { text.to_ascii_uppercase() };
     let is_word = |at: &usize| !at.checked_sub(1).is_some_and(|b| text[b].is_ascii_alphanumeric() || text[b] == b'_');

@@ -175,6 +175,10 @@ impl<'a> Runner<'a> {
         if is_read || self.is_volatile(path.id) || self.read_at_any_moment.contains(&path.id) {
             self.pin(&value);
         }
+        let tokens = value.tokens();
+        if !tokens.is_empty() {
+            self.given.entry(path.id).or_default().extend(tokens);
+        }
         let value = self.symbols.converted(path.id, &path.steps, value);
         // The value is taken out of the map, so that an element can be set without a copy.
         let mut whole = self.state.values.remove(&path.id).unwrap_or_else(|| self.symbols.start[path.id].clone());

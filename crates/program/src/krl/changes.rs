@@ -439,6 +439,7 @@ impl<'a> Runner<'a> {
             let at = self.symbols.find(id.file, name);
             let value = self.symbols.start.get(at).cloned().unwrap_or(Value::Bool(false));
             self.pin(&value);
+            self.read_later.insert(at);
             named.insert(at);
         }
         named

@@ -196,6 +196,9 @@ impl<'a> Runner<'a> {
             return own.get(&path.steps[1..]);
         }
         let value = whole.get(&path.steps);
+        if value.has_part_of_last_run() {
+            self.read_later.insert(path.id);
+        }
         match value {
             Value::Unknown(_, Some(_)) => self.pin(&value),
             // An INT cannot have decimals, so its number must not be edited.

@@ -92,6 +92,10 @@ pub(super) struct Runner<'a> {
     pub(super) entered: HashSet<RoutineId>,
     /// Numbers that are read by more than motions, or must not be edited for another reason.
     pub(super) pinned: HashSet<SourceSpan>,
+    /// Numbers in the text that each datum has been given.
+    pub(super) given: HashMap<Id, HashSet<SourceSpan>>,
+    /// Data that are read with the value of the last run, or by a routine that does not run here: the numbers that they are given here are theirs.
+    pub(super) read_later: HashSet<Id>,
     /// Data that may change at any moment.
     pub(super) volatile: HashSet<Id>,
     /// Routines that may run at any moment, or again while they run.

@@ -55,6 +55,9 @@ impl Runner<'_> {
     pub(super) fn settle(&mut self) {
         self.use_axes();
         self.hold_shared_angles();
+        for id in &self.read_later {
+            self.pinned.extend(self.given.get(id).into_iter().flatten());
+        }
         loop {
             let before = self.pinned.len();
             for i in 0..self.targets.len() {

@@ -185,6 +185,16 @@ impl Value {
         }
     }
 
+    /// Whether it, or a part of it, is the value that the last run has left.
+    pub(super) fn has_part_of_last_run(&self) -> bool {
+        match self {
+            Self::Unknown(why, _) => *why == Reason::LastRun,
+            Self::Record(fields) => fields.iter().any(|(_, value)| value.has_part_of_last_run()),
+            Self::Array(items) => items.values().any(Self::has_part_of_last_run),
+            _ => false,
+        }
+    }
+
     /// Joins two values to one that may be either, and keeps the tokens of both. If the tokens are too many to keep, they go to `lost`.
     pub(super) fn either(&self, other: &Self, why: Reason, lost: &mut HashSet<SourceSpan>) -> Self {
         /// Tokens of some hundred motions, between which a program chooses.

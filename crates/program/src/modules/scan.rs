@@ -148,6 +148,13 @@ impl ModuleNames {
         is_called && self.module != other.module && self.used.contains(&other.module)
     }
 
+    /// Whether both programs name data that all programs have in common, in such a language.
+    #[must_use]
+    pub fn shares_data(&self, other: &Self) -> bool {
+        let is_called = self.language.about().calls.is_some() && self.language == other.language;
+        is_called && self.module != other.module && !self.changed.is_disjoint(&other.changed)
+    }
+
     /// Adds the names of a file of the module, which is read a line at a time.
     ///
     /// # Errors
@@ -212,7 +219,7 @@ impl ModuleNames {
     }
 
     /// A word of a program that calls others by the names of their files.
-    fn call_word(&mut self, CallWords { own, called }: &CallWords, token: &Token<'_>) {
+    fn call_word(&mut self, CallWords { own, called, shared }: &CallWords, token: &Token<'_>) {
         let (Token::Word(text) | Token::Text { text, .. }) = *token else { return };
         let word = String::from_utf8_lossy(text).to_ascii_uppercase();
         let before = &self.scan.words[2];
@@ -220,6 +227,9 @@ impl ModuleNames {
             word.clone_into(&mut self.module);
         } else if called.contains(&before.as_str()) {
             self.used.insert(word.clone());
+        }
+        if shared.contains(&word.as_str()) && !self.changed.contains(&word) {
+            self.changed.insert(word.clone());
         }
         self.scan.words[2] = word;
     }

@@ -1,6 +1,7 @@
 //! The statements that were run, and the targets of motions that were not.
 
 use super::known::RoutineId;
+use crate::Role;
 use deflex_lang::ir::SourceSpan;
 use deflex_text::Source;
 
@@ -38,10 +39,11 @@ pub(super) struct Use {
     pub(super) by: Option<RoutineId>,
 }
 
-/// The frames of a motion, and whether it may cut.
+/// The frames of a motion, whether it may cut, and whether the target is its end or its circle point, which is corrected in position only.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Way {
     pub(super) tool: u16,
     pub(super) wobj: u16,
     pub(super) cuts: bool,
+    pub(super) role: Role,
 }

@@ -27,7 +27,7 @@ pub(super) struct RunsElsewhere {
 impl Way {
     fn of(target: &Target) -> Self {
         let cuts = matches!(target.motion, Motion::Linear | Motion::Circular);
-        Self { tool: target.tool, wobj: target.wobj, cuts }
+        Self { tool: target.tool, wobj: target.wobj, cuts, role: target.role }
     }
 }
 
@@ -302,8 +302,8 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// Forbids edits of numbers that a routine that nothing runs uses in other frames than the program, for a cut of its own, or at another
-    /// position.
+    /// Forbids edits of numbers that a routine that nothing runs uses in other frames than the program, for a cut of its own, at another
+    /// position, or as the end of a motion where the program has a circle point.
     pub(super) fn hold_what_is_used_otherwise(&mut self) {
         if self.reached.aside.is_empty() {
             return;
@@ -324,7 +324,7 @@ impl<'a> Runner<'a> {
             let differs = arrivals.is_some_and(|all| all.iter().any(|one| *one != own));
             let before = self.numbers.held();
             let ways = ways.get(&other.root).map_or(&[][..], Vec::as_slice);
-            let has_same_frames = |way: &Way| Way { cuts: other.way.cuts, ..*way } == other.way;
+            let is_alike = |way: &Way| Way { cuts: other.way.cuts, ..*way } == other.way;
             let is_cut = ways.iter().any(|way| way.cuts);
             // A motion that cuts nothing goes along with a cut, if that is judged: of the robtarget itself, or as a motion of the program that
             // arrives in the same way.
@@ -333,7 +333,7 @@ impl<'a> Runner<'a> {
                 Some(_) => arrivals.is_some() && !differs,
             };
             let is_wanted = other.way.cuts == is_cut || !other.way.cuts && is_judged;
-            if !ways.iter().all(has_same_frames) || !ways.is_empty() && !is_wanted {
+            if !ways.iter().all(is_alike) || !ways.is_empty() && !is_wanted {
                 self.numbers.pinned.insert(other.root);
                 self.numbers.held.extend(other.offset);
             } else {
