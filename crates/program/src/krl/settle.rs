@@ -55,9 +55,7 @@ impl Runner<'_> {
     pub(super) fn settle(&mut self) {
         self.use_axes();
         self.hold_shared_angles();
-        for id in &self.read_later {
-            self.pinned.extend(self.given.get(id).into_iter().flatten());
-        }
+        self.pinned.extend(self.read_later.iter().filter_map(|id| self.given.get(id)).flatten());
         loop {
             let before = self.pinned.len();
             for i in 0..self.targets.len() {
