@@ -80,8 +80,9 @@ const ENOUGH: f64 = 1e-3;
 const DIFFERENCE: f64 = 0.02;
 /// Numbers of a law: those that all axes share, and one of each axis.
 const SHARED: usize = 6;
-/// Place of the acceleration across corners among them.
+/// Places among them of the acceleration across corners, and of the ratio of both accelerations along the path.
 const CORNERS: usize = 4;
+const PASSING: usize = 5;
 const NUMBERS: usize = SHARED + 6;
 /// Prior standard deviation of the lead of an axis, s²: 1/ω² of an arm whose lowest natural frequency is 8 Hz.
 const LEAD_SIGMA: f64 = 4e-4;
@@ -572,7 +573,7 @@ fn law_of(numbers: &DVector<f64>, of_axes: OfAxes) -> PathLaw {
     let within = |i: usize, sigma: f64| (sigma * numbers[i].clamp(-MOST_SIGMAS, MOST_SIGMAS)).exp();
     let factor = |i: usize| within(i, LAW_SIGMA);
     let acceleration = typical.acceleration * factor(3);
-    let passing = typical.passing_acceleration / typical.acceleration * within(5, PASSING_SIGMA);
+    let passing = typical.passing_acceleration / typical.acceleration * within(PASSING, PASSING_SIGMA);
     PathLaw {
         zone_share: typical.zone_share * factor(0),
         smoothing: [typical.smoothing[0] * factor(1), typical.smoothing[1] * factor(2)],

@@ -594,7 +594,7 @@ mod tests {
             "{:?}",
             programs[0].diagnostics
         );
-        // What one leaves behind counts for the other one.
+        // Data that one program changes are changed for the other one too.
         let sets = one.replace("END\n", "BASE_DATA[1].X=$POS_ACT.X\nEND\n");
         assert_eq!(edited(&read(Language::Krl, &[&sets, &two], &[cell])[0]), [0, 2]);
         // The cell may call one of them by another routine of the context, or by another input.

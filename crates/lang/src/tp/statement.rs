@@ -470,7 +470,7 @@ pub struct NamedPosition<'a> {
 }
 
 /// The positions that a statement names, without those to which it moves, and without the position that becomes the value of a position register
-/// (`PR[1]=P[4]`): a run tells what becomes of that.
+/// (`PR[1]=P[4]`): a run follows the register.
 ///
 /// # Examples
 /// ```

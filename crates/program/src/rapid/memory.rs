@@ -73,7 +73,7 @@ impl Runner<'_> {
             }
             let joined = match (&own, &others) {
                 (Value::Target(a), Value::Target(b)) if a.is_at(b) => self.joined(&own, &others, why),
-                // Whoever reads it may get either.
+                // A later motion may get either value.
                 (Value::Target(_), _) | (_, Value::Target(_)) => {
                     for value in [&own, &others] {
                         match value {

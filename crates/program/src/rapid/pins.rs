@@ -73,7 +73,8 @@ impl Numbers {
         self.held.extend(&origins.offsets);
     }
 
-    /// Records that a variable holds a robtarget. Only [`Self::reads`] forbids edits of it: whoever knows the value may use it.
+    /// Records that a variable holds a robtarget. Only [`Self::reads`] forbids edits of it: where the
+    /// value is known, the run follows it.
     pub(super) fn holds(&mut self, variable: usize, pose: &Pose) {
         match self.read.contains(&variable) {
             true => self.pin_pose(pose),

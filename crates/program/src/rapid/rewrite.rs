@@ -147,7 +147,8 @@ impl Writer<'_> {
             let Some(offset) = self.layout.offset(site) else { continue };
             let print = prints.get(offset.root as usize).and_then(Option::as_ref);
             let stays = !self.along[i] && (kept.contains(&i) || targets[i].editable != Editable::Position);
-            // A joint motion goes by the configuration of its base, which may be another one than its own. Whoever lets it go along judges that.
+            // A joint motion goes by the configuration of its base, which may be another one than its own. The decision that it goes along has
+            // judged that.
             let goes_by_it = targets[i].motion == Motion::Joint && targets[i].conf().is_some();
             let is_judged = self.along[i];
             if print.is_some_and(|print| stays || goes_by_it && !is_judged && print.changes_conf()) {
