@@ -59,17 +59,15 @@ impl Parallelism {
                     many(&mut room, alike);
                 }
                 let mut number = 0;
-                for index in block {
-                    let mut found = None;
-                    if alike.get(number) == Some(&index) {
-                        found = answer(&room, Lane { number, index });
-                        number += 1;
+                // Each result is computed in its place of the output: it is too large to be moved there.
+                out.extend(block.map(|index| {
+                    let lane = alike.get(number).filter(|next| **next == index).map(|_| Lane { number, index });
+                    number += usize::from(lane.is_some());
+                    match lane.and_then(|lane| answer(&room, lane)) {
+                        Some(found) => found,
+                        None => one(index),
                     }
-                    match found {
-                        Some(found) => out.push(found),
-                        None => out.push(one(index)),
-                    }
-                }
+                }));
             }
             workspaces.give(room);
             out
