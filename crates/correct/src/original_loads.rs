@@ -66,7 +66,8 @@ impl OriginalLoads<'_> {
             }
             // A circle point is within the segment to the end of its arc, which has the cut of both.
             let is_circle_point = at.target != at.segment.1;
-            point.milled = end.milled.as_ref().filter(|_| !is_circle_point).map(|milled| milled.between(from, share));
+            let milled = end.milled.as_ref().filter(|_| !is_circle_point);
+            point.milled = milled.map(|milled| Box::new(milled.between(from, share)));
             if !is_circle_point {
                 from = if is_inside { share } else { 0.0 };
             }

@@ -61,7 +61,7 @@ pub struct Point {
     /// The cutter of the motion to it, if it moves through a stock.
     pub(super) through: Option<Through>,
     /// The result of that cut.
-    pub(super) milled: Option<Milled>,
+    pub(super) milled: Option<Box<Milled>>,
     /// Compliance of the clamped part where it is cut, work object axes.
     pub(super) part: Option<Arc<PartYield>>,
     /// What this and earlier cutting forces do to the gears; see [`Prepared::follow_loads`](super::Prepared::follow_loads).

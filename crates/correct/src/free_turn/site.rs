@@ -41,7 +41,7 @@ struct Rare {
     temperature: Option<f64>,
     payload: f64,
     through: Option<Through>,
-    milled: Option<Milled>,
+    milled: Option<Box<Milled>>,
     part: Option<Arc<PartYield>>,
 }
 

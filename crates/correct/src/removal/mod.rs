@@ -467,7 +467,7 @@ impl Walk<'_> {
             point.load = PointLoad::of_stock(force.programmed);
         }
         point.cut_length = self.cut_length;
-        point.milled = Some(milled);
+        point.milled = Some(Box::new(milled));
     }
 
     /// Adds the size of a force, and the bound of its error because of the rim.

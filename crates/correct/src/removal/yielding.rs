@@ -195,7 +195,7 @@ fn cuts(walk: &Walk<'_>, prepared: &Prepared) -> Vec<Cut> {
         let has_force = |milled: &Milled| milled.forces.iter().any(|(_, force)| force.programmed != Vector3::zeros());
         // Also without a force in the table the part may have been touched, by a gauge or a probe.
         let touches = |milled: &Milled| has_force(milled) || milled.removed > 0.0;
-        if point.unsolved.is_some() || !(point.cuts() || point.milled.iter().any(touches)) {
+        if point.unsolved.is_some() || !(point.cuts() || point.milled.as_deref().is_some_and(touches)) {
             continue;
         }
         // If nothing is cut, the tip touches it.
