@@ -336,12 +336,13 @@ impl Walk<'_, '_> {
             Err(why) => return self.pass_over(target, why.into(), setting_and_tool),
         };
         let wobj_from_tcp = on_arc.unwrap_or(wobj_from_tcp);
-        let run_at = *stand.setting(self.mount(setting));
+        let run_at = stand.setting(self.mount(setting));
         // The look-ahead has the orientation of the text.
-        let soon = if on_arc.is_none() { self.joints_soon((target, lane), &run_at) } else { None };
-        let joints = match chosen {
-            Some(Chosen { turn: Some(_), near, .. }) => self.joints_near(&run_at, &wobj_from_tcp, &near),
-            _ => soon.map_or_else(|| self.joints(target, stand, &run_at, &wobj_from_tcp), Ok),
+        let soon = if on_arc.is_none() { self.joints_soon((target, lane), run_at) } else { None };
+        let joints = match (chosen, soon) {
+            (Some(Chosen { turn: Some(_), near, .. }), _) => self.joints_near(*run_at, &wobj_from_tcp, &near),
+            (_, Some(soon)) => Ok(soon),
+            (_, None) => self.joints(target, stand, *run_at, &wobj_from_tcp),
         };
         let motor = match joints {
             Ok(motor) => motor,
@@ -666,7 +667,7 @@ impl Walk<'_, '_> {
     /// Motor angles nearest to known ones at a pose.
     fn joints_near(
         &mut self,
-        setting: &Setting,
+        setting: Setting,
         wobj_from_tcp: &Pose,
         near: &Joints,
     ) -> Result<Joints, deflex_robot::Unreachable> {
@@ -681,7 +682,7 @@ impl Walk<'_, '_> {
         &mut self,
         target: &Target,
         stand: &Stand,
-        setting: &Setting,
+        setting: Setting,
         wobj_from_tcp: &Pose,
     ) -> Result<Joints, deflex_robot::Unreachable> {
         let robot = &self.cell.arm.robot;
