@@ -20,6 +20,7 @@ use deflex_robot::{
 };
 use deflex_text::Diagnostic;
 use nalgebra::Vector3;
+use std::borrow::Cow;
 
 /// Corrections up to this size do not count as a change: rounding of f64.
 const NO_CHANGE_M: f64 = 1e-12;
@@ -192,15 +193,18 @@ pub(super) fn solve(
     let is_changed: Vec<bool> = (0..written.len()).map(is_changed).collect();
 
     // The poses to which the controller will go. The text of a circle point may have another orientation than the arc there.
-    let turned = |i: usize| solved[i].as_ref().ok().filter(|_| prepared.points[i].turned_by_arc);
-    let quat = |i: usize| turned(i).map_or(written[i].1, |solved| frames::millimetres(&solved.wobj_from_tcp).1);
-    let held_poses: Vec<_> = (0..written.len()).map(|i| (written[i].0, quat(i))).collect();
+    let mut held_poses = Cow::from(&written);
+    for (i, solved) in solved.iter().enumerate().filter(|(i, _)| prepared.points[*i].turned_by_arc) {
+        if let Ok(solved) = solved {
+            held_poses.to_mut()[i].1 = frames::millimetres(&solved.wobj_from_tcp).1;
+        }
+    }
     // The forward model on the numbers that the controller will have.
     let solver = Solver::new(arm, prepared, parallelism);
     let reached = solver.reached(&held_poses, (&modes, &first), &solved, &is_changed);
     let mut stops = Stops::of(&nodes, prepared, arm);
-    let motors: Vec<Joints> = (0..reached.len()).map(|i| held(prepared, i, &solved[i], &reached[i])).collect();
-    let steps = turn.take(&carried.travelled, |last| stops.travels(arm, program, prepared, &motors, last))?;
+    let motor = |i: usize| held(prepared, i, &solved[i], &reached[i]);
+    let steps = turn.take(&carried.travelled, |last| stops.travels(arm, program, prepared, motor, last))?;
     let landed = solver.forward(
         |i| (&steps[i].motor, &steps[i].travel),
         |i| {

@@ -138,23 +138,23 @@ impl Stops {
         arm: &Arm,
         program: &Program,
         prepared: &Prepared,
-        motors: &[Joints],
+        motor: impl Fn(usize) -> Joints,
         last: &mut Last,
     ) -> Vec<Dragged> {
+        let points = prepared.points.iter().enumerate();
         if !arm.follows_travel() {
-            let step = |(motor, point): (&Joints, &Point)| Dragged { motor: *motor, ..point.step() };
-            return motors.iter().zip(&prepared.points).map(step).collect();
+            return points.map(|(i, point)| Dragged { motor: motor(i), ..point.step() }).collect();
         }
         let mut next = 0;
-        let mut out = Vec::with_capacity(motors.len());
-        for (i, motor) in motors.iter().enumerate() {
+        let mut out = Vec::with_capacity(points.len());
+        for (i, point) in points {
             // The circle point of an arc comes after the stops that are inserted before it.
             let end = if Kind::of(program, i) == Kind::Point { i + 1 } else { i };
             while let Some(stop) = self.all.get_mut(next).filter(|stop| stop.before <= end) {
                 stop.travel = arm.go_on(stop.motor, stop.twist, last).travel;
                 next += 1;
             }
-            out.push(arm.go_on(*motor, prepared.points[i].twist(), last));
+            out.push(arm.go_on(motor(i), point.twist(), last));
         }
         out
     }
