@@ -964,6 +964,21 @@ fn routines_without_a_caller_begin_as_main_does() {
     assert!(matches!(read_with(vec![Source::new("n.mod", other.to_owned())]), Editable::No(_)));
 }
 
+/// A part of its points would move.
+#[test]
+fn no_point_of_a_kept_arc_moves() {
+    let with = |arc: &str| {
+        let more = "CONST num nX:=2;\n";
+        moved(&with_copies(&format!("MoveL p1,v20,fine,tool0;\nMoveL {ONE},v20,fine,tool0;\n{arc}"), more))
+    };
+    for arc in
+        ["MoveC p1,Offs(p2,nX,0,0)", "MoveC Offs(p2,nX,0,0),p1", "MoveC Offs(p1,nX,0,0),p2", "MoveC p2,Offs(p1,nX,0,0)"]
+    {
+        assert!(!with(&format!("{arc},v20,z1,tool0;")).contains(P1_MOVED), "{arc}");
+    }
+    assert!(with("MoveC p1,p2,v20,z1,tool0;").contains(P1_MOVED));
+}
+
 /// The correction of a circle point is not that of a cut that ends there.
 #[test]
 fn a_routine_without_a_caller_holds_the_circle_points_to_which_it_cuts() {

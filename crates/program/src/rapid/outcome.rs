@@ -139,10 +139,12 @@ impl Runner<'_> {
     }
 
     /// Refuses a base when a target made from it cannot be edited, because that target would move with it. Whether a target with a computed
-    /// offset may do so is known when the corrections are: it may if it cuts nothing.
+    /// offset may do so is known when the corrections are: it may if it cuts nothing, and is no point of an arc.
     fn refuse_shared_declarations(&mut self) {
         for i in 0..self.found.targets.len() {
-            if matches!(self.found.targets[i].editable, Editable::No(why) if why != Reason::OffsetWithExpression) {
+            let Target { editable, motion, .. } = self.found.targets[i];
+            let may_follow = |why| why == Reason::OffsetWithExpression && motion != Motion::Circular;
+            if matches!(editable, Editable::No(why) if !may_follow(why)) {
                 let root = self.found.root(&self.found.sites[i]);
                 self.numbers.pin(root);
             }
