@@ -979,13 +979,21 @@ fn no_point_of_a_kept_arc_moves() {
     assert!(with("MoveC p1,p2,v20,z1,tool0;").contains(P1_MOVED));
 }
 
-/// The correction of a circle point is not that of a cut that ends there.
+/// The correction of a circle point is not that of a cut that ends there, and an arc moves with all its points or with none.
 #[test]
-fn a_routine_without_a_caller_holds_the_circle_points_to_which_it_cuts() {
-    let arc = format!("MoveL {ONE},v20,fine,tool0;\nMoveC p1,{OTHER},v20,fine,tool0;\n");
-    let with = |motion: &str| moved(&with_copies(&arc, &format!("PROC service()\n{motion}\nENDPROC\n")));
-    assert!(!with("MoveL p1,v20,fine,tool0;").contains(P1_MOVED));
-    assert!(with(&format!("MoveL {ONE},v20,fine,tool0;\nMoveC p1,{OTHER},v20,fine,tool0;")).contains(P1_MOVED));
+fn a_routine_without_a_caller_holds_circle_points_and_arcs_that_are_not_those_of_the_program() {
+    let with = |main: &str, motion: &str| {
+        let service = format!("PROC service()\nMoveL {ONE},v20,fine,tool0;\n{motion},v20,fine,tool0;\nENDPROC\n");
+        moved(&with_copies(&format!("MoveL {ONE},v20,fine,tool0;\n{main},v20,fine,tool0;\n"), &service))
+    };
+    let is_moved = |main: &str, motion: &str| with(main, motion).contains(P1_MOVED);
+    assert!(is_moved("MoveC p1,p2", "MoveC p1,p2"));
+    for motion in ["MoveL p1", "MoveJ p1", "MoveC p2,p1", &format!("MoveC p1,{OTHER}"), "MoveC p1,Offs(p2,0,0,5)"] {
+        assert!(!is_moved("MoveC p1,p2", motion), "{motion}");
+    }
+    for motion in [format!("MoveC p1,{OTHER}"), format!("MoveC {OTHER},p1"), "MoveC Offs(p2,0,0,5),p1".to_owned()] {
+        assert!(!is_moved("MoveL p1", &motion), "{motion}");
+    }
 }
 
 /// The user finds out which routine keeps the targets, and which call in it.

@@ -99,6 +99,7 @@ impl<'a> Runner<'a> {
             (Some((Ok(circle), via)), Ok(end)) => {
                 self.point(scope, &circle, via, Target { role: Role::Via, ..target.clone() });
                 self.point(scope, &end, to, target);
+                self.use_arc_aside([&circle, &end]);
             }
             (None, Ok(end)) => self.point(scope, &end, to, target),
             (circle, end) => {

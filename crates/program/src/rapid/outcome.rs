@@ -29,6 +29,7 @@ impl Runner<'_> {
         let elsewhere = self.runs_elsewhere();
         self.hold_what_runs_elsewhere(&elsewhere);
         self.hold_what_is_used_otherwise();
+        self.hold_other_arcs();
         self.hold_what_is_not_always_assembled();
         let plain = self.plain(files);
         let streamable = plain && self.inline();

@@ -25,6 +25,15 @@ impl Ran {
     }
 }
 
+/// An arc in a routine that nothing runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct ArcAside {
+    /// The robtargets from which its circle point and its end are made.
+    pub(super) roots: [Option<u32>; 2],
+    /// See [`Use::by`].
+    pub(super) by: Option<RoutineId>,
+}
+
 /// The use of a target by a motion in a routine that nothing runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Use {

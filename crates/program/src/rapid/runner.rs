@@ -3,7 +3,7 @@
 use super::gathering::Gathering;
 use super::known::RoutineId;
 use super::literal::Literal;
-use super::ran::{Ran, Use};
+use super::ran::{ArcAside, Ran, Use};
 use super::state::{Begun, ModalState, Site, Standing, State};
 use super::steps::Routines;
 use super::symbols::{Names, Symbols};
@@ -193,6 +193,7 @@ pub(super) struct Reached {
     pub(super) is_aside_cut: bool,
     /// Uses by routines that nothing runs.
     pub(super) aside: Vec<Use>,
+    pub(super) arcs_aside: BTreeSet<ArcAside>,
     /// Numbers that only routines hold that nothing runs, with these routines.
     pub(super) held_by: HashMap<Number, BTreeSet<RoutineId>>,
     /// Calls of procedures chosen at run time: the start of their names in upper case, empty if any name is possible.

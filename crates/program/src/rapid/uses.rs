@@ -4,14 +4,14 @@
 use super::expression::{Expression, ExpressionKind};
 use super::known::{Changes, RoutineId};
 use super::motion;
-use super::ran::{Use, Way};
+use super::ran::{ArcAside, Use, Way};
 use super::runner::{Mode, Reached, Runner};
 use super::state::{ModalState, OnOff};
 use super::symbols::Upper;
 use super::tree::{Data, RoutineKind, Statement, Storage, statements};
-use super::value::{Number, OffsetStep, Pose, axes_in_use};
+use super::value::{HeldNumbers, Number, OffsetStep, Pose, axes_in_use};
 use super::{Offset, TargetInText};
-use crate::{Editable, Goal, Mark, Motion, Reason, Target};
+use crate::{Editable, Goal, Mark, Motion, Reason, Role, Target};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Severity, Span};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -57,8 +57,21 @@ impl<'a> Runner<'a> {
         let way = Way::of(target);
         let has_conf = self.state.modal.nearest == OnOff::Off && pose.written.conf.is_some();
         let is_free = is_free(target) && has_conf;
-        let by = self.frames.first().map(|frame| frame.routine).filter(|_| self.reached.looking_aside);
+        let by = self.started_aside();
         self.reached.aside.push(Use { root, offset, position_mm: pose.written.position_mm, way, is_free, by });
+    }
+
+    /// Notes an arc without targets in the result.
+    pub(super) fn use_arc_aside(&mut self, points: [&Pose; 2]) {
+        if self.is_recording && self.mode == Mode::Aside {
+            let (roots, by) = (points.map(|point| point.root), self.started_aside());
+            self.reached.arcs_aside.insert(ArcAside { roots, by });
+        }
+    }
+
+    /// The routine that an operator started, while it runs.
+    fn started_aside(&self) -> Option<RoutineId> {
+        self.frames.first().map(|frame| frame.routine).filter(|_| self.reached.looking_aside)
     }
 
     /// Runs the routines that nothing in the files calls, because an operator may run them by hand, and notes the data that they use.
@@ -341,10 +354,31 @@ impl<'a> Runner<'a> {
                 let is_joint = is_cut && !other.way.cuts && other.offset.is_none();
                 self.found.joints_elsewhere.extend(is_joint.then_some(other.root));
             }
-            let own = self.numbers.held_again(before);
-            if let Some(by) = other.by {
-                own.into_iter().for_each(|number| self.reached.hold(number, by));
+            self.hold_by(before, other.by);
+        }
+    }
+
+    /// Forbids edits of the points of an arc in a routine that nothing runs, unless the program has an arc with the same points: a part of its
+    /// points would move.
+    pub(super) fn hold_other_arcs(&mut self) {
+        let root = |i: usize| self.found.root(&self.found.sites[i]);
+        let is_via = |i: &usize| self.found.targets[*i].role == Role::Via;
+        let arcs: HashSet<[Option<u32>; 2]> =
+            (1..self.found.targets.len()).map(|i| i - 1).filter(is_via).map(|via| [root(via), root(via + 1)]).collect();
+        for arc in std::mem::take(&mut self.reached.arcs_aside) {
+            if !arcs.contains(&arc.roots) {
+                let before = self.numbers.held();
+                self.numbers.pinned.extend(arc.roots.into_iter().flatten());
+                self.hold_by(before, arc.by);
             }
+        }
+    }
+
+    /// Adds the numbers that were held before, and records who holds the others.
+    fn hold_by(&mut self, before: HeldNumbers, by: Option<RoutineId>) {
+        let own = self.numbers.held_again(before);
+        if let Some(by) = by {
+            own.into_iter().for_each(|number| self.reached.hold(number, by));
         }
     }
 
