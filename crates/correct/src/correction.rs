@@ -96,8 +96,16 @@ pub(super) fn solve(
         (nodes, vias) = (found.nodes, found.vias);
     }
     drop(solver);
+    let bound = if vias.is_empty() { Vec::new() } else { program.bound_to_point() };
+    let mut not_inserted: Vec<(usize, Reason)> = Vec::new();
     let mut before = Vec::with_capacity(vias.len());
     for (via, point, command) in vias {
+        // The circle point of the last part is another point of the arc.
+        if bound.binary_search(&via).is_ok() {
+            nodes.retain(|node| node.before != via + 1);
+            not_inserted.push((via + 1, Reason::DeclarationUsedElsewhere));
+            continue;
+        }
         let turned_by_arc = prepared.points[via].turned_by_arc;
         let point = std::mem::replace(&mut prepared.points[via], Point { turned_by_arc, ..point });
         before.push((via, point, std::mem::replace(&mut solved[via], Ok(command))));
@@ -118,7 +126,6 @@ pub(super) fn solve(
     // Targets whose numbers stay, because a motion elsewhere may not go along with them.
     let mut stays = vec![false; program.targets.len()];
     let elsewhere = program.joints_elsewhere();
-    let mut not_inserted: Vec<(usize, Reason)> = Vec::new();
     let (changes, inserts, mut rewritten) = loop {
         let inserts = subdivide::inserts(program, cell, prepared, &nodes);
         let changed = |(i, solved): (usize, &Result<Solved, _>)| {

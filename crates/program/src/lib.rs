@@ -530,6 +530,14 @@ impl Program {
         self.layout.front_end().joints_elsewhere(self)
     }
 
+    /// Targets that may get the correction of their own point only, and no displacement because of the motions before and after it: the program
+    /// also shows their numbers, or a motion that it does not follow goes there on another path.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn bound_to_point(&self) -> Vec<usize> {
+        self.layout.front_end().bound_to_point(self)
+    }
+
     /// Number of executed motions, with loops expanded. An arc counts once; motions whose target is known only at run time count too, although
     /// `targets` has none of them.
     #[must_use]

@@ -996,6 +996,23 @@ fn a_routine_without_a_caller_holds_circle_points_and_arcs_that_are_not_those_of
     }
 }
 
+/// A displacement because of the motions before and after it, or along its arc, is right on that path alone.
+#[test]
+fn targets_that_others_use_or_see_are_bound_to_their_point() {
+    let bound = |main: &str, more: &str| program(&with_copies(main, more)).bound_to_point();
+    let path = "MoveL p1,v10,z1,tool0;\nMoveL p2,v10,z1,tool0;\n";
+    assert!(bound(path, "").is_empty());
+    assert_eq!(bound(path, "PROC service()\nMoveL p2,v9,fine,tool0;\nENDPROC\n"), [1]);
+    assert_eq!(bound(&format!("{path}TPWrite \"x\"\\Num:=p2.trans.x;\n"), ""), [1]);
+    assert_eq!(bound(path, "TRAP t\nTPWrite \"x\"\\Num:=p1.trans.x;\nENDTRAP\n"), [0]);
+    // The same path with another beginning and end.
+    let three = format!("{path}MoveL {ONE},v10,fine,tool0;\n");
+    let all = format!("cut;\nMoveJ {OTHER},v99,fine,tool0;\nENDPROC\nPROC cut()\n{three}");
+    assert_eq!(bound(&all, "PROC service()\ncut;\nENDPROC\n"), [0, 2]);
+    let one = "one p1;\none p2;\nENDPROC\nPROC one(robtarget q)\nMoveL q,v10,z1,tool0;\n";
+    assert_eq!(bound(one, "PROC service()\none p2;\nENDPROC\n"), [1]);
+}
+
 /// The user finds out which routine keeps the targets, and which call in it.
 #[test]
 fn the_routine_that_keeps_targets_is_named() {

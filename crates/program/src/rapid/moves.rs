@@ -247,8 +247,10 @@ impl<'a> Runner<'a> {
 
     /// The robot arrives at a target.
     fn arrive(&mut self, target: &Target, root: Option<u32>) {
+        let here = Standing { source: target.source, start: target.span.start, root };
+        self.step_aside(Some((target, here)));
         self.state.stands = Stands::At(self.site(target.span));
-        self.state.standing = BTreeSet::from([Standing { source: target.source, start: target.span.start, root }]);
+        self.state.standing = BTreeSet::from([here]);
     }
 
     fn push(&mut self, mut target: Target, site: TargetInText) {

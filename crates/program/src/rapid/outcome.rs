@@ -30,6 +30,7 @@ impl Runner<'_> {
         self.hold_what_runs_elsewhere(&elsewhere);
         self.hold_what_is_used_otherwise();
         self.hold_other_arcs();
+        self.bind_what_steps_otherwise();
         self.hold_what_is_not_always_assembled();
         let plain = self.plain(files);
         let streamable = plain && self.inline();
@@ -54,6 +55,7 @@ impl Runner<'_> {
             offsets: self.found.offsets,
             standing: Arc::new(self.found.standing),
             joints_elsewhere: self.found.joints_elsewhere,
+            bound_to_point: self.found.bound_to_point,
             motions: self.counters.motions as usize,
             streamable,
             plain,

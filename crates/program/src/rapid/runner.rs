@@ -3,7 +3,7 @@
 use super::gathering::Gathering;
 use super::known::RoutineId;
 use super::literal::Literal;
-use super::ran::{ArcAside, Ran, Use};
+use super::ran::{ArcAside, Ran, Step, Use};
 use super::state::{Begun, ModalState, Site, Standing, State};
 use super::steps::Routines;
 use super::symbols::{Names, Symbols};
@@ -194,6 +194,7 @@ pub(super) struct Reached {
     /// Uses by routines that nothing runs.
     pub(super) aside: Vec<Use>,
     pub(super) arcs_aside: BTreeSet<ArcAside>,
+    pub(super) steps_aside: HashSet<Step>,
     /// Numbers that only routines hold that nothing runs, with these routines.
     pub(super) held_by: HashMap<Number, BTreeSet<RoutineId>>,
     /// Calls of procedures chosen at run time: the start of their names in upper case, empty if any name is possible.
@@ -264,6 +265,8 @@ pub(super) struct Found {
     pub(super) standing_places: HashSet<(u32, Option<SourceSpan>)>,
     /// See [`Layout::joints_elsewhere`](super::Layout).
     pub(super) joints_elsewhere: BTreeSet<u32>,
+    /// See [`Layout::bound_to_point`](super::Layout).
+    pub(super) bound_to_point: BTreeSet<u32>,
     /// Motions without a target.
     pub(super) unknown: Vec<UnknownMotion>,
     /// The place of the last target.

@@ -4,14 +4,14 @@
 use super::expression::{Expression, ExpressionKind};
 use super::known::{Changes, RoutineId};
 use super::motion;
-use super::ran::{ArcAside, Use, Way};
+use super::ran::{ArcAside, Step, Use, Way};
 use super::runner::{Mode, Reached, Runner};
-use super::state::{ModalState, OnOff};
+use super::state::{ModalState, OnOff, Standing, Stands};
 use super::symbols::Upper;
 use super::tree::{Data, RoutineKind, Statement, Storage, statements};
 use super::value::{HeldNumbers, Number, OffsetStep, Pose, axes_in_use};
 use super::{Offset, TargetInText};
-use crate::{Editable, Goal, Mark, Motion, Reason, Role, Target};
+use crate::{Editable, Goal, Mark, Motion, Predecessor, Reason, Role, Target};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Severity, Span};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -69,6 +69,22 @@ impl<'a> Runner<'a> {
         }
     }
 
+    /// Notes the step of a routine that an operator starts to its next motion, or to its end.
+    pub(super) fn step_aside(&mut self, next: Option<(&Target, Standing)>) {
+        if !self.reached.looking_aside || !self.is_recording || self.mode != Mode::Aside {
+            return;
+        }
+        let to = next.map(|(_, here)| here);
+        let known = matches!(self.state.stands, Stands::At(_));
+        if self.state.stands != Stands::Start {
+            let from = self.state.standing.iter().map(|from| Step { from: Some(*from), to: to.filter(|_| known) });
+            self.reached.steps_aside.extend(from);
+        }
+        if !known || self.state.standing.is_empty() {
+            self.reached.steps_aside.insert(Step { from: None, to });
+        }
+    }
+
     /// The routine that an operator started, while it runs.
     fn started_aside(&self) -> Option<RoutineId> {
         self.frames.first().map(|frame| frame.routine).filter(|_| self.reached.looking_aside)
@@ -97,7 +113,10 @@ impl<'a> Runner<'a> {
             self.state = left.clone();
             self.forget_at_any_moment(&changes);
             let before = self.numbers.held();
-            self.aside(|this| this.start(id));
+            self.aside(|this| {
+                this.start(id);
+                this.step_aside(None);
+            });
             let own = self.numbers.held_again(before);
             own.into_iter().for_each(|number| self.reached.hold(number, id));
         }
@@ -188,6 +207,11 @@ impl<'a> Runner<'a> {
         let mut names = Vec::new();
         for statement in all {
             if statement.call().is_some_and(|call| self.only_shows(module, call, bytes)) {
+                statement.each(&mut |part| {
+                    let shown = Some(part).filter(|part| part.is_name()).map(|part| key(part.span));
+                    let at = shown.and_then(|name| self.symbols.find_data(module, &name));
+                    self.found.bound_to_point.extend(at.and_then(|at| self.declared_literal(at)));
+                });
                 continue;
             }
             let is_hidden = |name: &[u8]| data.contains_key(name) || parameters.contains(name);
@@ -244,10 +268,10 @@ impl<'a> Runner<'a> {
         if shape.motion == Motion::Circular || calls != 1 || !is_offset || !base.is_name() || is_hidden(&key) {
             return None;
         }
-        let variable = &self.symbols.variables[self.symbols.find_data(module, &key)?];
-        let value = variable.declared.and_then(|data| data.value.as_ref())?;
+        let at = self.symbols.find_data(module, &key)?;
+        let variable = &self.symbols.variables[at];
         let is_fixed = !variable.assigned && variable.volatile.is_none() && *variable.kind == *b"ROBTARGET";
-        let root = self.numbers.literal_of(variable.source, value).filter(|_| is_fixed)?;
+        let root = self.declared_literal(at).filter(|_| is_fixed)?;
         let is_written = |source: usize| source < self.written;
         if !is_written(id.file) || !is_written(usize::from(variable.source)) {
             return None;
@@ -263,6 +287,12 @@ impl<'a> Runner<'a> {
         let in_tool = *name == *b"RELTOOL";
         let step = OffsetStep::of([x.0, y.0, z.0], [x.1, y.1, z.1], in_tool);
         Some(Offset { root, steps: [step].into() })
+    }
+
+    /// The robtarget with which data are declared.
+    fn declared_literal(&self, at: usize) -> Option<u32> {
+        let variable = &self.symbols.variables[at];
+        self.numbers.literal_of(variable.source, variable.declared?.value.as_ref()?)
     }
 
     /// Records such a target.
@@ -380,6 +410,27 @@ impl<'a> Runner<'a> {
         if let Some(by) = by {
             own.into_iter().for_each(|number| self.reached.hold(number, by));
         }
+    }
+
+    /// Binds the numbers of motions to their own point that a routine that nothing runs also uses, unless it has the same motions before and
+    /// after it: a displacement because of its neighbours would be wrong there.
+    pub(super) fn bind_what_steps_otherwise(&mut self) {
+        if self.reached.steps_aside.is_empty() {
+            return;
+        }
+        let (targets, sites) = (&self.found.targets, &self.found.sites);
+        let standing = |i: usize| {
+            let target = &targets[i];
+            Standing { source: target.source, start: target.span.start, root: self.found.root(&sites[i]) }
+        };
+        let follows = |i: &usize| *i > 0 && targets[*i].predecessor == Predecessor::Previous;
+        let steps: HashSet<Step> = (0..targets.len())
+            .filter(follows)
+            .map(|i| Step { from: Some(standing(i - 1)), to: Some(standing(i)) })
+            .collect();
+        let others = std::mem::take(&mut self.reached.steps_aside).into_iter().filter(|step| !steps.contains(step));
+        let places = others.flat_map(|Step { from, to }| [from, to]).flatten();
+        self.found.bound_to_point.extend(places.filter_map(|place| place.root));
     }
 
     /// Names the routines that nothing calls and because of which alone targets are kept, and what these call that is in no file.
