@@ -1013,6 +1013,27 @@ fn targets_that_others_use_or_see_are_bound_to_their_point() {
     assert_eq!(bound(one, "PROC service()\none p2;\nENDPROC\n"), [1]);
 }
 
+/// A motion that goes along with the program is not kept, and one that a routine of the program makes elsewhere is.
+#[test]
+fn motions_without_a_caller_that_stay_are_counted() {
+    let said = |main: &str, more: &str| {
+        let p = program(&with_copies(main, more));
+        let said = p.diagnostics.iter().filter(|said| said.code == "rapid.not-run");
+        (said.map(|said| said.message.clone()).collect::<Vec<_>>(), p.kept.len())
+    };
+    let service = |body: &str| format!("PROC service()\n{body}\nENDPROC\n");
+    let none = (Vec::new(), 0);
+    let main = "MoveL p1,v10,fine,tool0;\n";
+    assert_eq!(said(main, &service("MoveL p1,v10,fine,tool0;\nMoveJ p1,v10,fine,tool0;")), none);
+    let one = "1 motion of `service` not corrected: routine that nothing in the files runs".to_owned();
+    assert_eq!(said(main, &service("MoveL p1,v10,fine,tool0;\nMoveL p2,v10,fine,tool0;")), (vec![one], 1));
+    let cut = "cut p1;\nENDPROC\nPROC cut(robtarget q)\nMoveL q,v10,fine,tool0;\n";
+    assert_eq!(said(cut, &service("cut p1;")), none);
+    let called =
+        "1 motion of `service`, in what it calls, not corrected: routine that nothing in the files runs".to_owned();
+    assert_eq!(said(cut, &service("cut p1;\ncut p2;")), (vec![called], 0));
+}
+
 /// The user finds out which routine keeps the targets, and which call in it.
 #[test]
 fn the_routine_that_keeps_targets_is_named() {

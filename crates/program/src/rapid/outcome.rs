@@ -47,6 +47,8 @@ impl Runner<'_> {
             }
         }
         self.keep_what_is_refused();
+        self.keep_what_is_not_run();
+        self.tell_traps_that_move();
         self.tell_what_holds();
         let runs_elsewhere = self.starts_in(elsewhere.unknown.iter().chain(&elsewhere.aside));
         let layout = Layout {

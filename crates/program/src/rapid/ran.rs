@@ -46,6 +46,8 @@ pub(super) struct Step {
 /// The use of a target by a motion in a routine that nothing runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Use {
+    /// File and start of the statement.
+    pub(super) statement: (u16, u32),
     pub(super) root: u32,
     /// The first number of its offset.
     pub(super) offset: Option<SourceSpan>,

@@ -14,7 +14,7 @@ use crate::kept::KeptStatements;
 use crate::{ExternalAxes, InactiveUnit, Mark, Target, Tool, UnknownMotion, Wobj};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Source, Span};
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -195,6 +195,8 @@ pub(super) struct Reached {
     pub(super) aside: Vec<Use>,
     pub(super) arcs_aside: BTreeSet<ArcAside>,
     pub(super) steps_aside: HashSet<Step>,
+    /// The lines and arcs of routines of the program, by the routine that nothing calls and that runs them too.
+    pub(super) called_aside: BTreeMap<RoutineId, BTreeSet<Standing>>,
     /// Numbers that only routines hold that nothing runs, with these routines.
     pub(super) held_by: HashMap<Number, BTreeSet<RoutineId>>,
     /// Calls of procedures chosen at run time: the start of their names in upper case, empty if any name is possible.

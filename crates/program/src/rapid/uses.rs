@@ -54,11 +54,19 @@ impl<'a> Runner<'a> {
             self.numbers.held.extend(offset);
             return;
         }
-        let way = Way::of(target);
+        let (way, statement) = (Way::of(target), (target.source, target.span.start));
         let has_conf = self.state.modal.nearest == OnOff::Off && pose.written.conf.is_some();
         let is_free = is_free(target) && has_conf;
         let by = self.started_aside();
-        self.reached.aside.push(Use { root, offset, position_mm: pose.written.position_mm, way, is_free, by });
+        self.reached.aside.push(Use {
+            statement,
+            root,
+            offset,
+            position_mm: pose.written.position_mm,
+            way,
+            is_free,
+            by,
+        });
     }
 
     /// Notes an arc without targets in the result.
@@ -82,6 +90,13 @@ impl<'a> Runner<'a> {
         }
         if !known || self.state.standing.is_empty() {
             self.reached.steps_aside.insert(Step { from: None, to });
+        }
+        if let (Some((target, here)), Some(by)) = (next, self.started_aside())
+            && self.reached.ran.has(usize::from(target.source), target.span.start)
+            && target.is_end()
+            && Way::of(target).cuts
+        {
+            self.reached.called_aside.entry(by).or_default().insert(here);
         }
     }
 
@@ -361,7 +376,8 @@ impl<'a> Runner<'a> {
                 add(arrivals.entry(place).or_default(), Arrival { at: position_mm.map(f64::to_bits), is_free });
             }
         }
-        for other in std::mem::take(&mut self.reached.aside) {
+        let aside = std::mem::take(&mut self.reached.aside);
+        for other in &aside {
             let own = Arrival { at: other.position_mm.map(f64::to_bits), is_free: other.is_free };
             let arrivals = other.offset.and_then(|place| arrivals.get(&place));
             let differs = arrivals.is_some_and(|all| all.iter().any(|one| *one != own));
@@ -386,6 +402,7 @@ impl<'a> Runner<'a> {
             }
             self.hold_by(before, other.by);
         }
+        self.reached.aside = aside;
     }
 
     /// Forbids edits of the points of an arc in a routine that nothing runs, unless the program has an arc with the same points: a part of its
@@ -527,8 +544,37 @@ impl<'a> Runner<'a> {
         self.numbers.pinned.extend(held);
     }
 
-    /// Keeps the targets of motions that were not run.
+    /// Names the routines that nothing calls and that run routines of the program with targets of their own.
+    fn tell_what_runs_with_others(&mut self) {
+        let roots: HashSet<u32> = self.found.sites.iter().filter_map(|site| self.found.root(site)).collect();
+        for (id, mut motions_of) in std::mem::take(&mut self.reached.called_aside) {
+            motions_of.retain(|motion| motion.root.is_some_and(|root| !roots.contains(&root)));
+            if id.file >= self.written || motions_of.is_empty() {
+                continue;
+            }
+            let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();
+            let message = format!(
+                "{} of `{name}`, in what it calls, not corrected: {}",
+                motions(motions_of.len()),
+                Reason::NotRun
+            );
+            let note = Diagnostic::error("rapid.not-run", "", message)
+                .at(&self.symbols.sources[id.file], self.symbols.routine(id).name);
+            self.messages.diagnostics.push(note.severity(Severity::Note));
+        }
+    }
+
+    /// Keeps the targets of motions that were not run, and that do not move with the targets of the program.
     pub(super) fn keep_what_is_not_run(&mut self) {
+        let (targets, sites) = (&self.found.targets, &self.found.sites);
+        let open = targets.iter().zip(sites).filter(|(target, _)| target.editable == Editable::Pose);
+        let open: HashSet<u32> = open.filter_map(|(_, site)| self.found.root(site)).collect();
+        let moves = |other: &&Use| other.offset.is_none() && open.contains(&other.root);
+        let (moving, staying): (Vec<&Use>, Vec<&Use>) = self.reached.aside.iter().partition(moves);
+        let [mut moving, staying] =
+            [moving, staying].map(|uses| uses.iter().map(|other| other.statement).collect::<HashSet<_>>());
+        moving.retain(|statement| !staying.contains(statement));
+        self.tell_what_runs_with_others();
         for id in self.symbols.all().filter(|id| id.file < self.written).collect::<Vec<_>>() {
             let routine = self.symbols.routine(id);
             let entered = self.reached.entered.contains(&id);
@@ -538,11 +584,15 @@ impl<'a> Runner<'a> {
                 RoutineKind::Proc if !entered => Reason::NotRun,
                 RoutineKind::Proc => Reason::NotReached,
             };
+            #[allow(clippy::cast_possible_truncation)] // as above
+            let moves = |at: Span| moving.contains(&(id.file as u16, at.start));
             for (block, reason) in [(&routine.body, body), (&routine.handlers, Reason::InErrorHandler)] {
                 let idle: Vec<Span> = statements(block)
                     .into_iter()
                     .filter(|statement| {
-                        !self.reached.ran.has(id.file, statement.at.start) && self.is_motion(id, statement)
+                        !self.reached.ran.has(id.file, statement.at.start)
+                            && !moves(statement.at)
+                            && self.is_motion(id, statement)
                     })
                     .map(|statement| statement.at)
                     .collect();
