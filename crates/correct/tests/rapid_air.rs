@@ -4,7 +4,7 @@
 
 use deflex_cell::Cell;
 use deflex_correct::{Options, Status, compensate, compensate_driven};
-use deflex_program::rapid;
+use deflex_program::{Reason, rapid};
 use deflex_text::Source;
 
 const CELL: &str = r#"
@@ -68,7 +68,8 @@ fn a_joint_motion_goes_along_into_the_configuration_that_the_cut_needs() {
         let first = format!("MoveJ RelTool(p1,0,0,-50\\Rx:={rx}),v500,fine,tMill;\n");
         rows(VERTICAL, &format!("{first}{cut}"), "").0
     };
-    assert!(turned("5")[2] != "corrected" || turned("-5")[2] != "corrected");
+    let said = ["5", "-5"].map(|rx| turned(rx).remove(2));
+    assert!(said.contains(&Reason::AlongOtherPosture.text().to_owned()), "{said:?}");
 }
 
 #[test]
@@ -93,6 +94,42 @@ fn a_joint_motion_that_nothing_runs_holds_what_it_cannot_reach() {
     let orientation = VERTICAL.replace(",[0,0,0,0]", ",cHome");
     let said = rows(&orientation, main, path).0;
     assert_ne!(said[0], "corrected", "{said:?}");
+}
+
+/// Motions through air to computed offsets move with the base or hold it.
+#[test]
+fn the_reason_names_why_a_motion_through_air_may_not_go_along() {
+    let done = |most_mm: f64, motion: &str, offset: f64| {
+        let cell = CELL.replace("[cut]", &format!("[limits]\nmax_correction_mm = {most_mm}\n[cut]"));
+        let cell = Cell::read(&Source::new("cell.toml", cell)).unwrap();
+        let target = format!("CONST robtarget p1:=[[2202.801,938.562,1013.716],{TILTED},[9E9,9E9,9E9,9E9,9E9,9E9]];\n");
+        let main = format!("MoveJ {motion},v500,fine,tMill;\nMoveL p1,v10,fine,tMill;\n");
+        let text = format!("MODULE m\nCONST num n:={offset};\n{target}PROC main()\n{main}ENDPROC\nENDMODULE\n");
+        let program = rapid::read(vec![Source::new("m.mod", text)], Vec::new()).unwrap();
+        compensate(&program, &cell, &Options::default()).map(|done| done.rows)
+    };
+    let turned = ["RelTool(p1,n,0,0)", "RelTool(p1,-n,0,0)", "RelTool(p1,0,n,0)", "RelTool(p1,0,-n,0)"];
+    let farther = turned.map(|motion| {
+        let free = done(5.0, motion, 400.0).ok()?;
+        let [along, cut] = [0, 1].map(|i| free[i].correction_norm_mm());
+        (along > 1.02 * cut).then(|| done(0.5 * (along + cut), motion, 400.0).unwrap()[1].status)
+    });
+    assert!(farther.contains(&Some(Status::Kept(Reason::AlongTooFar.into()))), "{farther:?}");
+    // At the edge of the reach, in the direction in which the correction leads out of it.
+    let at_edge = |motion: &str| {
+        let (mut inside, mut outside) = (0.0, 4000.0);
+        while outside - inside > 1e-3 {
+            let middle = 0.5 * (inside + outside);
+            match done(5.0, motion, middle) {
+                Ok(_) => inside = middle,
+                Err(_) => outside = middle,
+            }
+        }
+        done(5.0, motion, inside).unwrap()[1].status
+    };
+    let edges = ["Offs(p1,n,0,0)", "Offs(p1,0,n,0)", "Offs(p1,0,-n,0)", "Offs(p1,0,0,n)", "Offs(p1,0,0,-n)"];
+    let said = edges.map(at_edge);
+    assert!(said.contains(&Status::Kept(Reason::AlongOutOfReach.into())), "{said:?}");
 }
 
 /// A cell whose controller rounds corners.
