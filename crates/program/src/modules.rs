@@ -4,6 +4,8 @@
 mod scan;
 
 use super::Language;
+#[doc(hidden)]
+pub use deflex_lang::tp::Shared;
 use deflex_text::Source;
 use scan::Declared;
 pub use scan::ModuleNames;

@@ -2,6 +2,7 @@
 
 use crate::krl::{self, Called};
 use crate::{Language, language::CallWords, rapid};
+use deflex_lang::tp::Shared;
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{self, BufRead};
@@ -23,6 +24,8 @@ pub struct ModuleNames {
     pub(super) given: BTreeMap<String, BTreeSet<String>>,
     /// Routines that change none of their parameters.
     pub(super) keeping: BTreeSet<String>,
+    /// What a TP program has in common with others.
+    shared: Shared,
     scan: Scan,
 }
 
@@ -137,6 +140,7 @@ impl ModuleNames {
             changed: none(),
             given: BTreeMap::new(),
             keeping: none(),
+            shared: Shared::default(),
             scan: Scan::default(),
         }
     }
@@ -148,11 +152,16 @@ impl ModuleNames {
         is_called && self.module != other.module && self.used.contains(&other.module)
     }
 
-    /// Whether both programs name data that all programs have in common, in such a language.
+    /// What the program has in common with others that it does not call.
     #[must_use]
-    pub fn shares_data(&self, other: &Self) -> bool {
-        let is_called = self.language.about().calls.is_some() && self.language == other.language;
-        is_called && self.module != other.module && !self.changed.is_disjoint(&other.changed)
+    pub fn shared(&self) -> &Shared {
+        &self.shared
+    }
+
+    /// Adds what in another program matters to this one to what is known of others, and returns whether any of it is new. This one has `own` in common
+    /// with others, with those that it calls.
+    pub fn learn(&self, other: &Self, own: &Shared, known: &mut Shared) -> bool {
+        self.module != other.module && own.learn(&other.shared, known)
     }
 
     /// Adds the names of a file of the module, which is read a line at a time.
@@ -161,8 +170,16 @@ impl ModuleNames {
     /// `input` cannot be read.
     pub fn read(&mut self, mut input: impl BufRead) -> io::Result<()> {
         self.scan = Scan::default();
-        let mut line = Vec::new();
         let language = self.language;
+        if language == Language::Ls {
+            // Statements may have several lines.
+            let mut text = Vec::new();
+            input.read_to_end(&mut text)?;
+            self.shared = Shared::of(&text);
+            tokens_of(&text, language).for_each(|token| self.take(&token));
+            return Ok(());
+        }
+        let mut line = Vec::new();
         while input.read_until(b'\n', &mut line)? > 0 {
             tokens_of(&line, language).for_each(|token| self.take(&token));
             self.take(&Token::Mark(b'\n'));
@@ -219,7 +236,7 @@ impl ModuleNames {
     }
 
     /// A word of a program that calls others by the names of their files.
-    fn call_word(&mut self, CallWords { own, called, shared }: &CallWords, token: &Token<'_>) {
+    fn call_word(&mut self, CallWords { own, called }: &CallWords, token: &Token<'_>) {
         let (Token::Word(text) | Token::Text { text, .. }) = *token else { return };
         let word = String::from_utf8_lossy(text).to_ascii_uppercase();
         let before = &self.scan.words[2];
@@ -227,9 +244,6 @@ impl ModuleNames {
             word.clone_into(&mut self.module);
         } else if called.contains(&before.as_str()) {
             self.used.insert(word.clone());
-        }
-        if shared.contains(&word.as_str()) && !self.changed.contains(&word) {
-            self.changed.insert(word.clone());
         }
         self.scan.words[2] = word;
     }
