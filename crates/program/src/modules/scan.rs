@@ -29,6 +29,9 @@ pub struct ModuleNames {
     scan: Scan,
 }
 
+/// The override of KRL, by which the controller multiplies every speed.
+pub(super) const OVERRIDE: &str = "$OV_PRO";
+
 /// What a name is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Declared {
@@ -99,6 +102,11 @@ struct Statement {
     is_assignment: bool,
     /// The written index of the array that it may assign.
     index: Option<String>,
+    /// How many numbers it has, and whether the last one is 100.
+    numbers: usize,
+    is_full: bool,
+    /// Whether it names the command of `BAS` that sets the override.
+    has_override: bool,
 }
 
 #[derive(Debug)]
@@ -230,6 +238,7 @@ impl ModuleNames {
             }
             self.name(&word);
         }
+        self.scan.statement.has_override |= word == "OV_PRO";
         self.scan.before = Before::Word;
         self.scan.words.rotate_left(1);
         self.scan.words[2] = word;
@@ -276,6 +285,8 @@ impl ModuleNames {
 
     fn number(&mut self, number: &[u8]) {
         let statement = &mut self.scan.statement;
+        statement.numbers += 1;
+        statement.is_full = number == b"100";
         if statement.depth == 1 && self.scan.before == Before::Mark(b'[') && !statement.is_longer_than_path {
             statement.index = Some(String::from_utf8_lossy(number).into_owned());
         }
@@ -452,7 +463,7 @@ impl ModuleNames {
     fn change(&mut self, name: String, index: Option<String>) {
         if self.scan.own.contains(&name) {
             self.scan.changes_own = true;
-        } else if !name.starts_with('$') {
+        } else if !name.starts_with('$') || name == OVERRIDE {
             self.changed.insert(index.map_or(name.clone(), |index| format!("{name}[{index}]")));
         }
     }
@@ -561,7 +572,13 @@ impl ModuleNames {
 
     /// Ends a statement of KRL, and begins another one.
     fn krl_rest(&mut self) -> Statement {
-        let Statement { first, names, functions, is_assignment, index, .. } = std::mem::take(&mut self.scan.statement);
+        let statement = std::mem::take(&mut self.scan.statement);
+        // What sets it to 100 % leaves what other programs begin with.
+        let is_full = statement.is_full && statement.numbers == 1 && statement.names.len() == 1;
+        let Statement { first, names, functions, is_assignment, index, has_override, .. } = statement;
+        if has_override && first == "BAS" && !is_full {
+            self.change(OVERRIDE.to_owned(), None);
+        }
         for function in functions {
             match krl::changes(function.as_bytes()) {
                 Called::Nothing => {}
@@ -571,6 +588,7 @@ impl ModuleNames {
         }
         match first.as_str() {
             "FOR" => names.into_iter().nth(1).into_iter().for_each(|counter| self.change(counter, None)),
+            OVERRIDE if is_full => {}
             _ if is_assignment => self.change(first, index),
             _ => {}
         }
