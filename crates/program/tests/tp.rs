@@ -168,7 +168,7 @@ fn a_position_on_which_anything_else_depends_by_a_register_stays() {
         "MAKRO",
         "IF DI[1]=ON,PR[5]=P[2]",
         "PR[R[1]]=P[2]",
-        "PR[5]=P[2]+PR[6]",
+        "PR[5]=P[2]+P[3]",
         "PR[5,3]=P[2,3]",
         // The registers of two positions: neither may change the end.
         "IF (DI[1]=ON) THEN\nPR[1]=P[3]\nENDIF\nL PR[1] 400mm/sec FINE",
@@ -369,4 +369,17 @@ fn what_a_program_that_is_not_called_leaves_is_not_known() {
     assert_eq!(feeds(CUT, "OVERRIDE=50%"), [None, None]);
     assert_eq!(feeds(CUT, "OVERRIDE=50%\nOVERRIDE=100%"), [Some(30.0), Some(30.0)]);
     assert_eq!(feeds(&format!("OVERRIDE=100%\n{CUT}"), "OVERRIDE=50%"), [Some(30.0), Some(30.0)]);
+}
+
+#[test]
+fn approaches_by_other_sums_go_along() {
+    let above = |sum: &str| edits(&format!("J P[1] 20% FINE\n{sum}\nL PR[1] 400mm/sec FINE\n{CUT}"));
+    for sum in
+        ["PR[1]=P[2]\nPR[1,3]=(PR[1,3]+50)", "PR[1]=P[2]\nPR[1,3]=50+PR[1,3]", "PR[1]=P[2]+PR[2]", "PR[1]=P[2]-PR[2]"]
+    {
+        assert_eq!(above(sum), [2, 3], "{sum}");
+    }
+    for sum in ["PR[1]=P[2]\nPR[1,3]=50-PR[1,3]", "PR[2]=P[2]\nPR[1]=P[3]+PR[2]", "PR[1]=P[2]+P[3]"] {
+        assert!(!above(sum).contains(&2), "{sum}");
+    }
 }

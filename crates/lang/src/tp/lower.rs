@@ -433,7 +433,10 @@ impl<'a> Lowering<'a> {
                 let value = expression(value, self.place);
                 vec![self.set(register, value)]
             }
-            Written::Jump(label) => self.jump(label, None),
+            Written::Jump(label) => {
+                let lost = self.waited_for_at(at, label);
+                lost.into_iter().chain(self.jump(label, None)).collect()
+            }
             Written::Wait(condition, label) => self.wait(condition, *label),
             Written::Call(name) if self.calls.straight(name).is_some() => self.straight(at, name),
             Written::Call(_) | Written::Macro | Written::Displace(_) | Written::RedefineAny => {
@@ -588,6 +591,36 @@ impl<'a> Lowering<'a> {
         }
         let timeout = label.map(|label| self.jump(label, Some(self.unknown())));
         kinds.into_iter().chain(timeout.into_iter().flatten()).collect()
+    }
+
+    /// A jump back over statements that change nothing waits for the registers in their conditions: something else changes them.
+    fn waited_for_at(&self, at: usize, label: &[u8]) -> Vec<StatementKind> {
+        let to = expression::count(label).and_then(|number| self.code.labels.get(&number));
+        let body = to.and_then(|to| self.code.kinds.get(*to..=at)).unwrap_or_default();
+        let is_idle = |kind: &Written<'_>| match kind {
+            Written::Label(_) | Written::Plain | Written::Wait(..) | Written::Jump(_) => true,
+            Written::If(_) | Written::Else | Written::EndIf => true,
+            kind => matches!(statement::guarded_by(kind), Some(Written::Jump(_) | Written::Plain)),
+        };
+        if !body.iter().all(is_idle) {
+            return Vec::new();
+        }
+        let conditions = body.iter().flat_map(|kind| match kind {
+            Written::If(text) | Written::When(text) | Written::Case(text) => [*text, b""],
+            Written::SelectCase(operand, text) => [*operand, *text],
+            _ => [&b""[..]; 2],
+        });
+        let lost = conditions.flat_map(|text| {
+            let [registers, position_registers] = statement::registers_in(text);
+            let of_register = |index| self.does(builtin::SET, vec![expression(index, self.place), self.waited_for()]);
+            let of_elements = |index| {
+                let all = vec![expression(index, self.place), self.unknown(), self.waited_for()];
+                self.does(builtin::ELEMENT, all)
+            };
+            let registers: Vec<StatementKind> = registers.into_iter().map(of_register).collect();
+            registers.into_iter().chain(position_registers.into_iter().map(of_elements)).collect::<Vec<_>>()
+        });
+        lost.collect()
     }
 
     /// A case of a `SELECT`: its statement, and after all cases; or the next case.
