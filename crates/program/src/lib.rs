@@ -44,7 +44,7 @@ pub(crate) use language::Layout;
 pub use language::{Language, ReadOptions, read};
 pub use long::{InChunks, LongProgram, LongText};
 pub use marks::unknown_marks;
-pub use modules::{ModuleGroup, ModuleNames, group_modules};
+pub use modules::{ModuleGroup, ModuleNames, Shared, group_modules};
 // The interface between the languages' `Chunks` and the pipeline that corrects them; not for callers.
 #[doc(hidden)]
 pub use any_chunks::{AnyChunks, ChunkReader, UnreadChunk};
