@@ -140,7 +140,10 @@ fn corrected_nothing(summary: &FileSummary) -> Option<Diagnostic> {
         return None;
     }
     let reasons: Vec<String> = summary.counts.kept.iter().map(deflex::report::kept_text).collect();
-    let is_shared = |kept: &KeptCount| kept.reason == KeptReason::Program(Reason::SharedTarget);
+    let is_shared = |kept: &KeptCount| {
+        use Reason::{AlongOtherPosture, AlongOutOfReach, AlongTooFar, SharedTarget};
+        matches!(kept.reason, KeptReason::Program(SharedTarget | AlongOutOfReach | AlongTooFar | AlongOtherPosture))
+    };
     let (severity, why, help) = match reasons.is_empty() {
         true => {
             (Severity::Note, "no target needs a correction".to_owned(), "check `[cut]` of the cell, if one should cut")

@@ -4,7 +4,7 @@ use super::context::Context;
 use super::read::{all, parted, source};
 use super::text::Text;
 use deflex::program::cl::ClOptions;
-use deflex::program::{Language, LongProgram, ModuleGroup, ModuleNames, detect, group_modules, unknown_marks};
+use deflex::program::{Language, LongProgram, ModuleGroup, ModuleNames, Shared, detect, group_modules, unknown_marks};
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Source, Span, cannot_read};
 use rayon::prelude::*;
@@ -283,8 +283,8 @@ fn module_names(source: &Source) -> Option<Result<ModuleNames, Vec<Diagnostic>>>
     Some(read.map(|()| names).map_err(|error| cannot_read(&source.name, &error)))
 }
 
-/// Gives each program the others that it calls, with those that they call, those that call it, and those that have data in common with it; and the
-/// name of one that calls it.
+/// Gives each program the others that it calls, with those that they call, those that call it, and those whose data matter to it; and the name of
+/// one that calls it.
 fn connect(jobs: &mut [(usize, Job)]) -> Result<(), Vec<Diagnostic>> {
     let may_call = |job: &Job| job.language.about().calls.is_some();
     let names = jobs.par_iter().filter(|(_, job)| may_call(job)).map(|(_, job)| job.names());
@@ -301,9 +301,17 @@ fn connect(jobs: &mut [(usize, Job)]) -> Result<(), Vec<Diagnostic>> {
         })
         .collect();
     for i in 0..names.len() {
-        let is_related =
-            |k: &usize| called[i].contains(k) || called[*k].contains(&i) || *k != i && names[i].shares_data(&names[*k]);
-        jobs[i].context = (0..names.len()).filter(is_related).map(|k| jobs[k].texts[0].clone()).collect();
+        let is_caller = |k: usize| called[k].contains(&i);
+        let mut own = names[i].shared().clone();
+        called[i].iter().for_each(|k| own.extend(names[*k].shared()));
+        // Of programs in which the same matters to this one, one is enough: each of a hundred programs is not read with each. What another program
+        // leaves does not matter if a caller of this one calls it too, so that such programs do not stand for others.
+        let siblings: BTreeSet<usize> = called.iter().filter(|called| called.contains(&i)).flatten().copied().collect();
+        let mut known = [Shared::default(), Shared::default()];
+        let mut adds =
+            |k: usize| k != i && names[i].learn(&names[k], &own, &mut known[usize::from(siblings.contains(&k))]);
+        let related = (0..names.len()).filter(|k| called[i].contains(k) || is_caller(*k) || adds(*k));
+        jobs[i].context = related.map(|k| jobs[k].texts[0].clone()).collect();
         jobs[i].caller = (0..names.len()).find(|k| calls(*k, i)).map(|k| jobs[k].name.clone());
     }
     Ok(())
@@ -377,5 +385,69 @@ mod tests {
         let given =
             vec![Source::new("one.mod", part("rOne")), Source::new("cell.src", "DEF cell()\nrOne()\nrTwo()\nEND\n")];
         assert_eq!(names([given, vec![main("rOne;\nrTwo;")]].concat()), ["one.mod + two.mod"]);
+    }
+
+    /// A TP program with statements, and with positions 1 to 3.
+    fn tp(name: &str, statements: &str) -> Job {
+        let mut text =
+            format!("/PROG  {name}\n/ATTR\nDEFAULT_GROUP\t= 1,*,*,*,*;\n/MN\n:UFRAME_NUM=1 ;\n:UTOOL_NUM=1 ;\n");
+        statements.lines().for_each(|line| text += &format!(":{line} ;\n"));
+        text += "/POS\n";
+        for number in 1..=3 {
+            text += &format!(
+                "P[{number}]{{\nGP1:\nUF : 1, UT : 1, CONFIG : 'N U T, 0, 0, 0',\nX = {number}0 mm, Y = 0 mm, Z = 0 mm, W = 180 deg, P = 0 deg, R = 0 deg\n}};\n"
+            );
+        }
+        job(&format!("{name}.ls"), &(text + "/END\n"))
+    }
+
+    /// The first program, read with the other inputs.
+    fn first_of(inputs: &[(&str, &str)]) -> deflex::program::Program {
+        let jobs = grouped(inputs.iter().map(|(name, statements)| tp(name, statements)).collect(), &Context::default());
+        program_alone(jobs.unwrap().swap_remove(0), &Context::default()).unwrap()
+    }
+
+    #[test]
+    fn other_inputs_count_for_a_tp_program() {
+        use deflex::program::{Editable, Predecessor};
+        let kept = |inputs: &[(&str, &str)]| {
+            let targets = first_of(inputs).targets;
+            targets
+                .into_iter()
+                .filter(|t| matches!(t.editable, Editable::No(_)))
+                .filter_map(|t| t.name)
+                .collect::<Vec<_>>()
+        };
+        // A register that another input uses.
+        let approach = "J P[1] 20% FINE\nPR[1]=P[2]\nPR[1,3]=PR[1,3]+50\nL PR[1] 400mm/sec FINE\nL P[2] 30mm/sec FINE\nL P[3] 30mm/sec FINE";
+        for (other, is_kept) in [("L PR[1] 30mm/sec FINE", true), ("L PR[2] 30mm/sec FINE", false), (approach, true)] {
+            let kept = kept(&[("MAIN", approach), ("MAINB", other)]);
+            assert_eq!(kept.iter().any(|name| &**name == "P[2]"), is_kept, "{other}");
+        }
+        // A caller that counts from where this one ends.
+        let cut = "J P[1] 20% FINE\nL P[2] 30mm/sec FINE\nL P[3] 30mm/sec FINE";
+        let caller = "J P[1] 20% FINE\nCALL S1\nL P[2] 30mm/sec FINE INC";
+        assert!(kept(&[("S1", cut), ("MAIN", caller)]).iter().any(|name| &**name == "P[3]"));
+        // A caller has moved the arm.
+        let sub = "L P[1] 30mm/sec FINE\nL P[2] 30mm/sec FINE";
+        let start = |inputs: &[(&str, &str)]| first_of(inputs).targets[0].predecessor;
+        assert_ne!(start(&[("S1", sub), ("MAIN", caller)]), start(&[("S1", sub), ("S2", cut)]));
+        assert_eq!(start(&[("S1", sub), ("MAIN", caller)]), Predecessor::Unknown);
+        // A frame that another input sets, if no caller of this one calls it.
+        let sets = "PR[3]=LPOS-LPOS\nUFRAME[1]=PR[3]";
+        let without_target = |inputs: &[(&str, &str)]| first_of(inputs).unknown.len();
+        assert_eq!(without_target(&[("S1", cut), ("MAINB", sets)]), 3);
+        assert_eq!(without_target(&[("S1", cut), ("SETS", sets), ("MAIN", "CALL SETS\nCALL S1")]), 0);
+        // One that a caller calls does not stand for another one, which no caller of the first calls.
+        let others = [("S1", cut), ("SETS", sets), ("MAIN", "CALL SETS\nCALL S1"), ("MAINB", sets)];
+        assert_eq!(without_target(&others), 3);
+    }
+
+    #[test]
+    fn inputs_in_which_the_same_matters_are_not_all_read_with_each() {
+        let cut = "PR[1]=P[2]\nPR[1,3]=PR[1,3]+50\nL PR[1] 400mm/sec FINE\nL P[2] 30mm/sec FINE";
+        let jobs = (0..20).map(|number| tp(&format!("J{number}"), cut)).collect();
+        let jobs = grouped(jobs, &Context::default()).unwrap();
+        assert!(jobs.iter().all(|job| job.context.len() == 1));
     }
 }

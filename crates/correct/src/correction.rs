@@ -21,6 +21,7 @@ use deflex_robot::{
 use deflex_text::Diagnostic;
 use nalgebra::Vector3;
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 /// Corrections up to this size do not count as a change: rounding of f64.
 const NO_CHANGE_M: f64 = 1e-12;
@@ -97,8 +98,16 @@ pub(super) fn solve(
         (nodes, vias) = (found.nodes, found.vias);
     }
     drop(solver);
+    let bound = if vias.is_empty() { Vec::new() } else { program.bound_to_point() };
+    let mut not_inserted: Vec<(usize, Reason)> = Vec::new();
     let mut before = Vec::with_capacity(vias.len());
     for (via, point, command) in vias {
+        // The circle point of the last part is another point of the arc.
+        if bound.binary_search(&via).is_ok() {
+            nodes.retain(|node| node.before != via + 1);
+            not_inserted.push((via + 1, Reason::DeclarationUsedElsewhere));
+            continue;
+        }
         let turned_by_arc = prepared.points[via].turned_by_arc;
         let point = std::mem::replace(&mut prepared.points[via], Point { turned_by_arc, ..point });
         before.push((via, point, std::mem::replace(&mut solved[via], Ok(command))));
@@ -119,7 +128,9 @@ pub(super) fn solve(
     // Targets whose numbers stay, because a motion elsewhere may not go along with them.
     let mut stays = vec![false; program.targets.len()];
     let elsewhere = program.joints_elsewhere();
-    let mut not_inserted: Vec<(usize, Reason)> = Vec::new();
+    // Why targets are kept because of them, and what was kept when the last of them was found.
+    let mut because: BTreeMap<usize, Reason> = BTreeMap::new();
+    let mut found: Option<(Reason, Vec<(usize, Reason)>)> = None;
     let (changes, inserts, mut rewritten) = loop {
         let inserts = subdivide::inserts(program, cell, prepared, &nodes);
         let changed = |(i, solved): (usize, &Result<Solved, _>)| {
@@ -139,18 +150,23 @@ pub(super) fn solve(
                 written: &rewritten.written[i],
                 conf: rewritten.confs.binary_search_by_key(&i, |(of, _)| *of).ok().map(|at| rewritten.confs[at].1),
             };
-            let strays: Vec<usize> =
-                rewritten.along.iter().copied().filter(|&i| !may_go(context, prepared, i, &new(i))).collect();
-            let held = |i: &usize| !stays[*i] && !joint_may_go(context, prepared, *i, &new(*i));
-            let held: Vec<usize> = elsewhere.iter().copied().filter(held).collect();
-            let all_may = strays.is_empty() && held.is_empty();
-            // The numbers of a program in chunks are settled already.
-            if context.chunk.is_some() && !all_may {
-                return Err(Unsolved::Failed(StreamError::NotStreamable));
+            if let Some((why, before)) = found.take() {
+                let is_new = |i: &usize| before.binary_search_by_key(i, |(kept, _)| *kept).is_err();
+                because.extend(rewritten.kept.iter().map(|(i, _)| *i).filter(is_new).map(|i| (i, why)));
             }
-            if !all_may {
-                strays.into_iter().for_each(|i| air[i] = false);
-                held.into_iter().for_each(|i| stays[i] = true);
+            let along = |&i: &usize| Some((i, may_go(context, prepared, i, &new(i)).err()?));
+            let strays: Vec<(usize, Reason)> = rewritten.along.iter().filter_map(along).collect();
+            let along = |&i: &usize| Some((i, joint_may_go(context, prepared, i, &new(i)).err()?));
+            let held: Vec<(usize, Reason)> = elsewhere.iter().filter(|i| !stays[**i]).filter_map(along).collect();
+            if let Some((_, why)) = strays.first().or(held.first()).copied() {
+                // The numbers of a program in chunks are settled already.
+                if context.chunk.is_some() {
+                    return Err(Unsolved::Failed(StreamError::NotStreamable));
+                }
+                // One reason after the other, so that it is known what each of them keeps.
+                strays.iter().filter(|(_, other)| *other == why).for_each(|(i, _)| air[*i] = false);
+                held.iter().filter(|(_, other)| *other == why).for_each(|(i, _)| stays[*i] = true);
+                found = Some((why, rewritten.kept.clone()));
                 continue;
             }
         }
@@ -169,6 +185,7 @@ pub(super) fn solve(
         }
     };
     if let Some(rewritten) = &mut rewritten {
+        rewritten.kept.iter_mut().for_each(|(i, why)| *why = because.get(i).copied().unwrap_or(*why));
         rewritten.not_inserted.extend(not_inserted);
         rewritten.not_inserted.sort_unstable();
     }
@@ -402,22 +419,31 @@ struct NewGoal<'a> {
     conf: Option<Conf>,
 }
 
-/// Whether a target that cuts nothing may go to this pose, where the numbers that it shares lead it: it is in reach and no farther away than a
-/// correction may be, and a joint motion arrives in the posture that it has, which is the one that its new text states.
+/// Why a target that cuts nothing may not go to this pose, where the numbers that it shares lead it. It may if it is in reach and no farther
+/// away than a correction may be, and a joint motion arrives in the posture that it has, which is the one that its new text states.
 fn may_go(
     Context { program, cell, .. }: Context<'_>,
     prepared: &Prepared,
     i: usize,
     NewGoal { written, conf: new }: &NewGoal<'_>,
-) -> bool {
+) -> Result<(), Reason> {
     let (target, point, robot) = (&program.targets[i], &prepared.points[i], &cell.arm.robot);
-    let distance = Vector3::from(written.0) * 1e-3 - point.wobj_from_tcp.translation.vector;
-    let Ok(motor) = solve::controller_joints(&cell.arm, prepared.setting(i), written, &point.motor) else {
-        return false;
-    };
+    let motor = solve::controller_joints(&cell.arm, prepared.setting(i), written, &point.motor)
+        .map_err(|_| Reason::AlongOutOfReach)?;
     let goes_by = |conf: &Conf| matches!(conf, Conf::Status(_)) || conf_is(robot, &point.motor, *conf);
     let conf = target.conf().filter(|conf| target.motion == Motion::Joint && goes_by(conf));
-    distance.norm() <= cell.limits.max_correction && conf.is_none_or(|conf| conf_is(robot, &motor, new.unwrap_or(conf)))
+    if moved_by(point, written) > cell.limits.max_correction {
+        Err(Reason::AlongTooFar)
+    } else if conf.is_some_and(|conf| !conf_is(robot, &motor, new.unwrap_or(conf))) {
+        Err(Reason::AlongOtherPosture)
+    } else {
+        Ok(())
+    }
+}
+
+/// Distance of a written target from its point, m.
+fn moved_by(point: &Point, written: &([f64; 3], [f64; 4])) -> f64 {
+    (Vector3::from(written.0) * 1e-3 - point.wobj_from_tcp.translation.vector).norm()
 }
 
 /// The same for a joint motion to the robtarget of target `i` that is no target itself: where it comes from is not known.
@@ -426,19 +452,25 @@ fn joint_may_go(
     prepared: &Prepared,
     i: usize,
     NewGoal { written, conf: new }: &NewGoal<'_>,
-) -> bool {
+) -> Result<(), Reason> {
     let (target, point, robot) = (&program.targets[i], &prepared.points[i], &cell.arm.robot);
     // Which stock it meets is not known either.
     if !target.located || cell.stock.is_some() || prepared.turns_are_chosen {
-        return false;
+        return Err(Reason::DeclarationUsedElsewhere);
     }
-    let (Some(conf), setting) = (target.conf(), prepared.setting(i)) else { return true };
+    let (Some(conf), setting) = (target.conf(), prepared.setting(i)) else { return Ok(()) };
     let base_from_flange = setting.base_from_flange(&point.wobj_from_tcp);
-    let Ok(from) = robot.inverse_conf(&base_from_flange, Some(conf), &point.motor) else { return false };
-    let distance = Vector3::from(written.0) * 1e-3 - point.wobj_from_tcp.translation.vector;
-    let Ok(to) = solve::controller_joints(&cell.arm, setting, written, &from) else { return false };
-    distance.norm() <= cell.limits.max_correction
-        && (!conf_is(robot, &from, conf) || conf_is(robot, &to, new.unwrap_or(conf)))
+    let from = robot
+        .inverse_conf(&base_from_flange, Some(conf), &point.motor)
+        .map_err(|_| Reason::DeclarationUsedElsewhere)?;
+    let to = solve::controller_joints(&cell.arm, setting, written, &from).map_err(|_| Reason::AlongOutOfReach)?;
+    if moved_by(point, written) > cell.limits.max_correction {
+        Err(Reason::AlongTooFar)
+    } else if conf_is(robot, &from, conf) && !conf_is(robot, &to, new.unwrap_or(conf)) {
+        Err(Reason::AlongOtherPosture)
+    } else {
+        Ok(())
+    }
 }
 
 /// Positions of external axes as written, if they were chosen and differ from the program's.

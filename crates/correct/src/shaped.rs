@@ -133,12 +133,10 @@ impl Given<'_> {
     /// Finds the command and writes it; repeats this without the changes that the text does not allow.
     fn shaped(&self) -> Result<ShapedProgram, Vec<Diagnostic>> {
         let Self { program, course, .. } = *self;
-        let (mut fixed, mut closed) = (BTreeSet::new(), BTreeSet::new());
-        let mut kept = Vec::new();
+        let mut fixed: BTreeSet<usize> = program.bound_to_point().into_iter().collect();
+        let mut kept: Vec<_> = fixed.iter().map(|i| (*i, Reason::DeclarationUsedElsewhere)).collect();
+        let mut closed = BTreeSet::new();
         let mut round = 0;
-        // Whether other motions may go along with these corners is not judged.
-        let mut stays = vec![false; program.targets.len()];
-        program.joints_elsewhere().into_iter().for_each(|i| stays[i] = true);
         loop {
             round += 1;
             let freedom = self.freedom(&fixed, &closed);
@@ -148,7 +146,7 @@ impl Given<'_> {
             let command = command.map_err(|error| self.refused(error))?;
             let (changes, inserts) = (self.changes(&command.motions), self.inserts(&command.motions));
             let allow_clones = self.options.allow_clones;
-            let rewrite = RewriteOptions { allow_clones, stays: &stays, ..RewriteOptions::default() };
+            let rewrite = RewriteOptions { allow_clones, ..RewriteOptions::default() };
             let mut rewritten = program.rewrite(&changes, &inserts, &rewrite);
             let before = fixed.len() + closed.len();
             fixed.extend(rewritten.kept.iter().map(|(i, _)| *i));

@@ -159,3 +159,21 @@ fn registers_for_which_a_called_program_waits_are_unknown() {
     assert_eq!(end("WAIT R[2:go]=3 AND DI[1]=ON"), Some(2));
     assert_eq!(end("WAIT 1.00(sec)"), Some(2));
 }
+
+/// A loop in which nothing changes its conditions ends when something else changes them.
+#[test]
+fn a_loop_that_changes_nothing_waits() {
+    let then = "L P[R[1]] 5mm/sec FINE\nL P[3] 5mm/sec FINE";
+    for poll in [
+        "LBL[1]\nWAIT .10(sec)\nIF R[1]<>3,JMP LBL[1]",
+        "LBL[1]\nIF R[1]=3,JMP LBL[2]\nIF (R[1]=4) THEN\nJMP LBL[2]\nENDIF\nJMP LBL[1]\nLBL[2]",
+        "LBL[1]\nSELECT R[1]=3,JMP LBL[2]\n=4,JMP LBL[2]\nJMP LBL[1]\nLBL[2]",
+    ] {
+        assert_eq!(ends(&format!("R[1]=2\n{poll}\n{then}")), [None, Some(3)], "{poll}");
+        assert_eq!(ends(&format!("R[1]=3\n{poll}\n{then}")), [Some(3), Some(3)], "{poll}");
+    }
+    // What the program changes itself is followed.
+    let counts = "R[1]=1\nLBL[1]\nR[1]=R[1]+1\nIF R[1]<3,JMP LBL[1]";
+    assert_eq!(ends(&format!("{counts}\n{then}")), [Some(3), Some(3)]);
+    assert_eq!(ends(&format!("LBL[1]\nWAIT 1.00(sec)\nJMP LBL[1]\n{then}")), []);
+}

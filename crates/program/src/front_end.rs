@@ -43,6 +43,11 @@ pub(super) trait FrontEnd {
         Vec::new()
     }
 
+    /// See [`Program::bound_to_point`].
+    fn bound_to_point(&self, _program: &Program) -> Vec<usize> {
+        Vec::new()
+    }
+
     /// See [`Program::motion_targets`].
     fn motion_targets(&self, program: &Program) -> usize {
         program.targets.iter().filter(|target| target.role == Role::End).count()

@@ -110,8 +110,6 @@ pub struct CallWords {
     pub(super) own: &'static str,
     /// Before the name of a program that it calls.
     pub(super) called: &'static [&'static str],
-    /// Words of data that all programs have in common, and that deflex follows from one program to another.
-    pub(super) shared: &'static [&'static str],
 }
 
 impl Language {
@@ -295,7 +293,7 @@ static TP: About = About {
     or_context: "",
     start: "no joint position, no `[robot] start_deg` and no suitable CONFIG says",
     has_modules: false,
-    calls: Some(CallWords { own: "PROG", called: &["CALL", "RUN"], shared: &["PR"] }),
+    calls: Some(CallWords { own: "PROG", called: &["CALL", "RUN"] }),
     companion: None,
     are_points_named: true,
     states_load: false,
@@ -356,7 +354,7 @@ static JBI: About = About {
     or_context: "",
     start: "INFORM jobs state axis angles in pulses, and no `[robot] start_deg` says",
     has_modules: false,
-    calls: Some(CallWords { own: "NAME", called: &["JOB"], shared: &[] }),
+    calls: Some(CallWords { own: "NAME", called: &["JOB"] }),
     companion: None,
     are_points_named: false,
     states_load: true,

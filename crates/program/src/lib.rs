@@ -44,7 +44,7 @@ pub(crate) use language::Layout;
 pub use language::{Language, ReadOptions, read};
 pub use long::{InChunks, LongProgram, LongText};
 pub use marks::unknown_marks;
-pub use modules::{ModuleGroup, ModuleNames, group_modules};
+pub use modules::{ModuleGroup, ModuleNames, Shared, group_modules};
 // The interface between the languages' `Chunks` and the pipeline that corrects them; not for callers.
 #[doc(hidden)]
 pub use any_chunks::{AnyChunks, ChunkReader, UnreadChunk};
@@ -528,6 +528,14 @@ impl Program {
     #[doc(hidden)]
     pub fn joints_elsewhere(&self) -> Vec<usize> {
         self.layout.front_end().joints_elsewhere(self)
+    }
+
+    /// Targets that may get the correction of their own point only, and no displacement because of the motions before and after it: the program
+    /// also shows their numbers, or a motion that it does not follow goes there on another path.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn bound_to_point(&self) -> Vec<usize> {
+        self.layout.front_end().bound_to_point(self)
     }
 
     /// Number of executed motions, with loops expanded. An arc counts once; motions whose target is known only at run time count too, although

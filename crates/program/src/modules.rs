@@ -4,9 +4,11 @@
 mod scan;
 
 use super::Language;
+#[doc(hidden)]
+pub use deflex_lang::tp::Shared;
 use deflex_text::Source;
-use scan::Declared;
 pub use scan::ModuleNames;
+use scan::{Declared, OVERRIDE};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Modules that form a program, as indices.
@@ -69,8 +71,8 @@ struct Change<'a> {
     owners: Vec<usize>,
 }
 
-/// Tables of the controller that KRL programs use without naming them: `BAS (#BASE,1)`.
-const TABLES: [&str; 3] = ["BASE_DATA", "TOOL_DATA", "LOAD_DATA"];
+/// Data of the controller that KRL programs use without naming them: tables (`BAS (#BASE,1)`) and the override.
+const UNNAMED: [&str; 4] = ["BASE_DATA", "TOOL_DATA", "LOAD_DATA", OVERRIDE];
 
 impl<'a> Modules<'a> {
     fn new(names: &'a [ModuleNames]) -> Self {
@@ -227,9 +229,9 @@ impl<'a> Modules<'a> {
         let (mut changed, mut shared) = (BTreeSet::new(), BTreeMap::new());
         for user in all {
             let names = &self.names[*user];
-            let tables = TABLES.iter().filter(|_| language == Language::Krl).copied();
+            let unnamed = UNNAMED.iter().filter(|_| language == Language::Krl).copied();
             let own = names.declared.keys().map(String::as_str);
-            for name in self.foreign(*user).into_iter().chain(own).chain(tables) {
+            for name in self.foreign(*user).into_iter().chain(own).chain(unnamed) {
                 let owners = self.owners_of(*user, name);
                 for change in links.changers.get(name).into_iter().flatten().filter(|change| !all.contains(&change.by))
                 {
@@ -518,6 +520,34 @@ mod tests {
         let config = "DEFDAT $CONFIG PUBLIC\nDECL GLOBAL INT ACT=3\nENDDAT\n";
         let programs = read(Language::Krl, &[&cuts, "DEF sets()\nACT=1\nEND\n"], &[config]);
         assert_eq!(edited(&programs[0]), [0, 1]);
+    }
+
+    /// What another program leaves of the controller's override, and reads of GLOBAL data, matters to this one.
+    #[test]
+    fn an_override_and_global_data_belong_to_all_files() {
+        let cuts =
+            "DEF cuts()\nBAS(#TOOL,1)\nBAS(#BASE,2)\n$VEL.CP=0.05\nLIN {X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 180.0}\nEND\n";
+        for (text, is_known) in [
+            ("$OV_PRO=50", false),
+            ("$OV_PRO=I", false),
+            ("$OV_PRO=100-50", false),
+            ("BAS(#OV_PRO,50)", false),
+            ("IF $IN[1] THEN\n$OV_PRO=50\nENDIF", false),
+            ("TRIGGER WHEN DISTANCE=0 DELAY=0 DO $OV_PRO=50", false),
+            ("$OV_PRO=100", true),
+            ("BAS(#OV_PRO,100)\nBAS(#VEL_CP,50)", true),
+            ("I=$OV_PRO", true),
+        ] {
+            let sets = format!("DEF sets()\nDECL INT I\n{text}\nEND\n");
+            let programs = read(Language::Krl, &[cuts, &sets], &[]);
+            assert_eq!(programs[0].targets[0].feed_mm_s.is_some(), is_known, "{text}");
+        }
+        let [own, point] = ["{X 0.0,Y 0.0,Z Z1", "{X 0.0,Y 0.0,Z GZ"].map(|at| cuts.replace("{X 0.0,Y 0.0,Z 0.0", at));
+        let own = own.replace("LIN", "GZ=Z1\nLIN");
+        let data = "DEFDAT cuts PUBLIC\nDECL REAL Z1=5.0\nDECL GLOBAL REAL GZ=1.0\nENDDAT\n";
+        let texts = [&format!("{own}{data}")[..], &point.replace("cuts", "other")];
+        let programs = read(Language::Krl, &texts, &[]);
+        assert_eq!(edited(&programs[0]), [0, 2]);
     }
 
     #[test]

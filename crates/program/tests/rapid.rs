@@ -964,13 +964,74 @@ fn routines_without_a_caller_begin_as_main_does() {
     assert!(matches!(read_with(vec![Source::new("n.mod", other.to_owned())]), Editable::No(_)));
 }
 
-/// The correction of a circle point is not that of a cut that ends there.
+/// A part of its points would move.
 #[test]
-fn a_routine_without_a_caller_holds_the_circle_points_to_which_it_cuts() {
-    let arc = format!("MoveL {ONE},v20,fine,tool0;\nMoveC p1,{OTHER},v20,fine,tool0;\n");
-    let with = |motion: &str| moved(&with_copies(&arc, &format!("PROC service()\n{motion}\nENDPROC\n")));
-    assert!(!with("MoveL p1,v20,fine,tool0;").contains(P1_MOVED));
-    assert!(with(&format!("MoveL {ONE},v20,fine,tool0;\nMoveC p1,{OTHER},v20,fine,tool0;")).contains(P1_MOVED));
+fn no_point_of_a_kept_arc_moves() {
+    let with = |arc: &str| {
+        let more = "CONST num nX:=2;\n";
+        moved(&with_copies(&format!("MoveL p1,v20,fine,tool0;\nMoveL {ONE},v20,fine,tool0;\n{arc}"), more))
+    };
+    for arc in
+        ["MoveC p1,Offs(p2,nX,0,0)", "MoveC Offs(p2,nX,0,0),p1", "MoveC Offs(p1,nX,0,0),p2", "MoveC p2,Offs(p1,nX,0,0)"]
+    {
+        assert!(!with(&format!("{arc},v20,z1,tool0;")).contains(P1_MOVED), "{arc}");
+    }
+    assert!(with("MoveC p1,p2,v20,z1,tool0;").contains(P1_MOVED));
+}
+
+/// The correction of a circle point is not that of a cut that ends there, and an arc moves with all its points or with none.
+#[test]
+fn a_routine_without_a_caller_holds_circle_points_and_arcs_that_are_not_those_of_the_program() {
+    let with = |main: &str, motion: &str| {
+        let service = format!("PROC service()\nMoveL {ONE},v20,fine,tool0;\n{motion},v20,fine,tool0;\nENDPROC\n");
+        moved(&with_copies(&format!("MoveL {ONE},v20,fine,tool0;\n{main},v20,fine,tool0;\n"), &service))
+    };
+    let is_moved = |main: &str, motion: &str| with(main, motion).contains(P1_MOVED);
+    assert!(is_moved("MoveC p1,p2", "MoveC p1,p2"));
+    for motion in ["MoveL p1", "MoveJ p1", "MoveC p2,p1", &format!("MoveC p1,{OTHER}"), "MoveC p1,Offs(p2,0,0,5)"] {
+        assert!(!is_moved("MoveC p1,p2", motion), "{motion}");
+    }
+    for motion in [format!("MoveC p1,{OTHER}"), format!("MoveC {OTHER},p1"), "MoveC Offs(p2,0,0,5),p1".to_owned()] {
+        assert!(!is_moved("MoveL p1", &motion), "{motion}");
+    }
+}
+
+/// A displacement because of the motions before and after it, or along its arc, is right on that path alone.
+#[test]
+fn targets_that_others_use_or_see_are_bound_to_their_point() {
+    let bound = |main: &str, more: &str| program(&with_copies(main, more)).bound_to_point();
+    let path = "MoveL p1,v10,z1,tool0;\nMoveL p2,v10,z1,tool0;\n";
+    assert!(bound(path, "").is_empty());
+    assert_eq!(bound(path, "PROC service()\nMoveL p2,v9,fine,tool0;\nENDPROC\n"), [1]);
+    assert_eq!(bound(&format!("{path}TPWrite \"x\"\\Num:=p2.trans.x;\n"), ""), [1]);
+    assert_eq!(bound(path, "TRAP t\nTPWrite \"x\"\\Num:=p1.trans.x;\nENDTRAP\n"), [0]);
+    // The same path with another beginning and end.
+    let three = format!("{path}MoveL {ONE},v10,fine,tool0;\n");
+    let all = format!("cut;\nMoveJ {OTHER},v99,fine,tool0;\nENDPROC\nPROC cut()\n{three}");
+    assert_eq!(bound(&all, "PROC service()\ncut;\nENDPROC\n"), [0, 2]);
+    let one = "one p1;\none p2;\nENDPROC\nPROC one(robtarget q)\nMoveL q,v10,z1,tool0;\n";
+    assert_eq!(bound(one, "PROC service()\none p2;\nENDPROC\n"), [1]);
+}
+
+/// A motion that goes along with the program is not kept, and one that a routine of the program makes elsewhere is.
+#[test]
+fn motions_without_a_caller_that_stay_are_counted() {
+    let said = |main: &str, more: &str| {
+        let p = program(&with_copies(main, more));
+        let said = p.diagnostics.iter().filter(|said| said.code == "rapid.not-run");
+        (said.map(|said| said.message.clone()).collect::<Vec<_>>(), p.kept.len())
+    };
+    let service = |body: &str| format!("PROC service()\n{body}\nENDPROC\n");
+    let none = (Vec::new(), 0);
+    let main = "MoveL p1,v10,fine,tool0;\n";
+    assert_eq!(said(main, &service("MoveL p1,v10,fine,tool0;\nMoveJ p1,v10,fine,tool0;")), none);
+    let one = "1 motion of `service` not corrected: routine that nothing in the files runs".to_owned();
+    assert_eq!(said(main, &service("MoveL p1,v10,fine,tool0;\nMoveL p2,v10,fine,tool0;")), (vec![one], 1));
+    let cut = "cut p1;\nENDPROC\nPROC cut(robtarget q)\nMoveL q,v10,fine,tool0;\n";
+    assert_eq!(said(cut, &service("cut p1;")), none);
+    let called =
+        "1 motion of `service`, in what it calls, not corrected: routine that nothing in the files runs".to_owned();
+    assert_eq!(said(cut, &service("cut p1;\ncut p2;")), (vec![called], 0));
 }
 
 /// The user finds out which routine keeps the targets, and which call in it.

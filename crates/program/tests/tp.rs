@@ -168,7 +168,7 @@ fn a_position_on_which_anything_else_depends_by_a_register_stays() {
         "MAKRO",
         "IF DI[1]=ON,PR[5]=P[2]",
         "PR[R[1]]=P[2]",
-        "PR[5]=P[2]+PR[6]",
+        "PR[5]=P[2]+P[3]",
         "PR[5,3]=P[2,3]",
         // The registers of two positions: neither may change the end.
         "IF (DI[1]=ON) THEN\nPR[1]=P[3]\nENDIF\nL PR[1] 400mm/sec FINE",
@@ -347,4 +347,39 @@ fn an_offset_that_is_not_known_keeps_the_cut() {
     }
     // The next cycle begins with the register that this one leaves.
     assert!(!edits(&format!("L P[2] 30mm/sec FINE Offset,PR[9]\n{at}")).contains(&2));
+}
+
+/// An operator may start a program after another one.
+#[test]
+fn what_a_program_that_is_not_called_leaves_is_not_known() {
+    let sets = "PR[3]=LPOS-LPOS\nUFRAME[1]=PR[3]";
+    let with = |own: &str, other: &str| edited(&program_of(own, &[("OTHER", other)]));
+    assert_eq!(with(CUT, ""), [2, 3]);
+    for other in [sets, "UTOOL[1]=PR[1]", "UFRAME[R[1]]=PR[1]", "$MNUFRAME[1,1]=PR[1]"] {
+        assert_eq!(with(CUT, other), [], "{other}");
+    }
+    assert_eq!(with(CUT, "UFRAME[2]=PR[1]"), [2, 3]);
+    assert_eq!(with(&format!("{sets}\n{CUT}"), sets), [2, 3]);
+    // The cell has the frames of a program that another one calls, and a warning says so.
+    assert_eq!(edited(&program_of(CUT, &[("SETS", sets), ("CALLER", "CALL SETS\nCALL MAIN")])), [2, 3]);
+    // The override of another program.
+    let feeds = |own: &str, other: &str| {
+        program_of(own, &[("OTHER", other)]).targets.iter().map(|target| target.feed_mm_s).collect::<Vec<_>>()
+    };
+    assert_eq!(feeds(CUT, "OVERRIDE=50%"), [None, None]);
+    assert_eq!(feeds(CUT, "OVERRIDE=50%\nOVERRIDE=100%"), [Some(30.0), Some(30.0)]);
+    assert_eq!(feeds(&format!("OVERRIDE=100%\n{CUT}"), "OVERRIDE=50%"), [Some(30.0), Some(30.0)]);
+}
+
+#[test]
+fn approaches_by_other_sums_go_along() {
+    let above = |sum: &str| edits(&format!("J P[1] 20% FINE\n{sum}\nL PR[1] 400mm/sec FINE\n{CUT}"));
+    for sum in
+        ["PR[1]=P[2]\nPR[1,3]=(PR[1,3]+50)", "PR[1]=P[2]\nPR[1,3]=50+PR[1,3]", "PR[1]=P[2]+PR[2]", "PR[1]=P[2]-PR[2]"]
+    {
+        assert_eq!(above(sum), [2, 3], "{sum}");
+    }
+    for sum in ["PR[1]=P[2]\nPR[1,3]=50-PR[1,3]", "PR[2]=P[2]\nPR[1]=P[3]+PR[2]", "PR[1]=P[2]+P[3]"] {
+        assert!(!above(sum).contains(&2), "{sum}");
+    }
 }

@@ -4,7 +4,7 @@ use super::code::Code;
 use super::effects::{Calls, Effect, Effects, NOT_GIVEN, effects, upper};
 use super::expression;
 use super::lines::{Line, sections, statements};
-use super::lower::counts_from_its_start;
+use super::lower::{counts_from_its_start, leaves_override};
 use super::statement::{self, StatementKind, Whole};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -21,6 +21,9 @@ impl Calls {
         let mut calls = Self { given, straight, ..Self::default() };
         if let Some(first) = first {
             calls.find_callers(&all, &own, &first);
+            let family = family(&first, &own);
+            let strangers = own.iter().filter(|(name, _)| !family.contains(name.as_str()));
+            calls.left_elsewhere = strangers.flat_map(|(_, own)| &own.left).copied().collect();
             let others = own.iter().filter(|(name, _)| **name != first).flat_map(|(_, own)| &own.effects);
             calls.used_elsewhere = others
                 .filter_map(|effect| if let Effect::Uses(register) = effect { Some(*register) } else { None })
@@ -74,6 +77,56 @@ impl Calls {
     }
 }
 
+/// What programs that do not call each other have in common: position registers, frames, tools, and the speed override.
+///
+/// # Examples
+/// ```
+/// use deflex_lang::tp::Shared;
+///
+/// let [one, other] = [&b"/PROG A\n/MN\n1:PR[1]=P[2] ;\n/END\n"[..], b"/PROG B\n/MN\n1:R[1]=PR[1,3] ;\n/END\n"].map(Shared::of);
+/// let mut known = Shared::default();
+/// assert!(one.learn(&other, &mut known) && !one.learn(&other, &mut known));
+/// assert!(!other.learn(&one, &mut known));
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Shared(Effects);
+
+impl Shared {
+    /// That of the program in a text.
+    #[must_use]
+    pub fn of(bytes: &[u8]) -> Self {
+        let own = one(bytes).map(|(_, own)| own).unwrap_or_default();
+        let is_shared = |effect: &Effect| matches!(effect, Effect::Elements(_) | Effect::Uses(_) | Effect::Axes(_));
+        Self(own.effects.into_iter().filter(is_shared).chain(own.left).collect())
+    }
+
+    /// Adds that of a program that this one calls.
+    pub fn extend(&mut self, other: &Self) {
+        self.0.extend(&other.0);
+    }
+
+    /// Adds what matters to this program in another one to what is known of others, and returns whether any of it is new.
+    pub fn learn(&self, other: &Self, known: &mut Self) -> bool {
+        let sets = |register: Option<u32>| {
+            let is_same = |set: Option<u32>| register.is_none() || set.is_none() || set == register;
+            self.0.iter().any(|own| matches!(own, Effect::Elements(set) if is_same(*set)))
+        };
+        let before = known.0.len();
+        known.0.extend(other.0.iter().filter(|effect| match effect {
+            Effect::Uses(register) | Effect::Axes(register) => sets(*register),
+            effect => matches!(effect, Effect::Redefine(..) | Effect::Override),
+        }));
+        known.0.len() > before
+    }
+}
+
+/// A program, those that it calls, those that call it, and what these call, directly or not. A program that may call any is not one of them.
+fn family<'a>(name: &'a str, own: &'a BTreeMap<String, Own>) -> BTreeSet<&'a str> {
+    let calls = own.keys().map(|caller| reached(caller, own));
+    let callers = calls.filter(|reached| reached.contains(name) && !reached.contains(""));
+    callers.flatten().chain(reached(name, own)).collect()
+}
+
 /// The name of a program, in upper case.
 fn name_of(bytes: &[u8]) -> Option<String> {
     sections(bytes).name.map(|name| upper(&bytes[name.range()]))
@@ -83,6 +136,8 @@ fn name_of(bytes: &[u8]) -> Option<String> {
 #[derive(Default)]
 struct Own {
     effects: Effects,
+    /// What it leaves to programs that an operator starts after it: frames, tools, and a speed override other than 100 %.
+    left: Effects,
     calls: BTreeSet<String>,
     /// Its statements, if a call can be replaced by them.
     straight: Option<Vec<Line<'static>>>,
@@ -152,6 +207,10 @@ fn one(bytes: &[u8]) -> Option<(String, Own)> {
     let counts = |kind: &StatementKind<'_>| matches!(kind, StatementKind::Motion(motion) if motion.counts_on());
     if kinds.iter().any(counts) && counts_from_its_start(&Code::new(&lines)) {
         own.effects.insert(Effect::Counts);
+    }
+    own.left = own.effects.iter().filter(|effect| matches!(effect, Effect::Redefine(..))).copied().collect();
+    if own.effects.contains(&Effect::Override) && leaves_override(&Code::new(&lines)) {
+        own.left.insert(Effect::Override);
     }
     Some((name, own))
 }

@@ -62,6 +62,8 @@ pub struct Calls {
     pub(super) straight: BTreeMap<String, Vec<Line<'static>>>,
     /// Position registers on which other programs depend that are given.
     pub(super) used_elsewhere: BTreeSet<Option<u32>>,
+    /// What programs that have no calls in common with the first one leave to it: frames, tools, and a speed override other than 100 %.
+    pub(super) left_elsewhere: Effects,
     /// Whether another program may call the first one.
     pub(super) is_called: bool,
     /// Whether something may, after the first one has ended, move relative to where the arm stands: another program, or its next cycle.

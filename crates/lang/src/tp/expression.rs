@@ -44,7 +44,12 @@ pub(super) fn condition(text: &[u8], place: SourceSpan) -> (&[u8], Expression) {
 /// ```
 #[must_use]
 pub fn count(text: &[u8]) -> Option<u32> {
-    match expression(text, SourceSpan::default()).kind {
+    constant(&expression(text, SourceSpan::default()))
+}
+
+/// The same for an expression.
+pub(super) fn constant(expression: &Expression) -> Option<u32> {
+    match expression.kind {
         Is::Constant(number) => counted(number),
         _ => None,
     }

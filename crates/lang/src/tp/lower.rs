@@ -59,6 +59,11 @@ pub(super) fn counts_from_its_start(code: &Code<'_>) -> bool {
     run::run(&program, &tp).map_or(true, |outcome| !outcome.used.is_empty())
 }
 
+/// Whether a program may leave a speed override other than 100 %. The programs that it calls are examined separately.
+pub(super) fn leaves_override(code: &Code<'_>) -> bool {
+    !matches!(Lowering::new(code, &Calls::default(), &[]).override_left().kind, Is::Constant(_))
+}
+
 /// What defines the values of a user frame or a tool at a motion.
 ///
 /// # Examples
@@ -257,8 +262,14 @@ impl<'a> Lowering<'a> {
                 put(count, StatementKind::Jump { to: name(at), condition });
             }
         }
-        let users = extent(&all, &[builtin::REDEFINE[Frame::User as usize]], NUMBERED);
-        let tools = extent(&all, &[builtin::REDEFINE[Frame::Tool as usize]], NUMBERED);
+        let left = &self.calls.left_elsewhere;
+        let [users, tools] = [Frame::User, Frame::Tool].map(|frame| {
+            let left = left.iter().filter_map(|effect| match effect {
+                Effect::Redefine(of, Some(number)) if *of == frame && *number < MOST => Some(number + 1),
+                _ => None,
+            });
+            left.max().unwrap_or(0).max(extent(&all, &[builtin::REDEFINE[frame as usize]], NUMBERED))
+        });
         let registers = extent(&all, &[builtin::REGISTER, builtin::SET], REGISTERS);
         let elements = ELEMENTS * extent(&all, &[builtin::ELEMENT], POSITION_REGISTERS);
         let frame = ORIGINS + self.copies.len() as u32;
@@ -269,10 +280,12 @@ impl<'a> Lowering<'a> {
             registers: register..element,
             elements: element..element + elements,
         };
-        // A cycle begins with the frames that the one before left.
+        // A cycle begins with the frames that the one before left, or another program.
         let set: BTreeSet<u32> = (self.code.kinds.iter())
             .flat_map(|kind| self.calls.of_statement(kind))
+            .chain(left.iter().copied())
             .filter_map(|effect| match effect {
+                Effect::Redefine(_, Some(MOST..)) => None,
                 Effect::Redefine(frame, Some(number)) => Some(tp.frames[frame as usize].start + number),
                 Effect::Redefine(frame, None) => Some(ANY[frame as usize]),
                 _ => None,
@@ -420,7 +433,10 @@ impl<'a> Lowering<'a> {
                 let value = expression(value, self.place);
                 vec![self.set(register, value)]
             }
-            Written::Jump(label) => self.jump(label, None),
+            Written::Jump(label) => {
+                let lost = self.waited_for_at(at, label);
+                lost.into_iter().chain(self.jump(label, None)).collect()
+            }
             Written::Wait(condition, label) => self.wait(condition, *label),
             Written::Call(name) if self.calls.straight(name).is_some() => self.straight(at, name),
             Written::Call(_) | Written::Macro | Written::Displace(_) | Written::RedefineAny => {
@@ -475,8 +491,11 @@ impl<'a> Lowering<'a> {
         if is_set && effects().any(|effect| effect == Effect::Concurrent) { self.unknown() } else { percent }
     }
 
-    /// The speed override with which a cycle begins: 100 % in the first one, and then what the cycle before has left.
+    /// The speed override with which a cycle begins: 100 % in the first one, and then what the cycle before, or another program, has left.
     fn override_left(&self) -> Expression {
+        if self.calls.left_elsewhere.contains(&Effect::Override) {
+            return self.unknown();
+        }
         let kinds = &self.code.kinds;
         let sets = |kind: &Written<'_>| self.calls.of_statement(kind).contains(&Effect::Override);
         let Some(last) = kinds.iter().rposition(sets) else { return Expression::constant(100.0) };
@@ -572,6 +591,36 @@ impl<'a> Lowering<'a> {
         }
         let timeout = label.map(|label| self.jump(label, Some(self.unknown())));
         kinds.into_iter().chain(timeout.into_iter().flatten()).collect()
+    }
+
+    /// A jump back over statements that change nothing waits for the registers in their conditions: something else changes them.
+    fn waited_for_at(&self, at: usize, label: &[u8]) -> Vec<StatementKind> {
+        let to = expression::count(label).and_then(|number| self.code.labels.get(&number));
+        let body = to.and_then(|to| self.code.kinds.get(*to..=at)).unwrap_or_default();
+        let is_idle = |kind: &Written<'_>| match kind {
+            Written::Label(_) | Written::Plain | Written::Wait(..) | Written::Jump(_) => true,
+            Written::If(_) | Written::Else | Written::EndIf => true,
+            kind => matches!(statement::guarded_by(kind), Some(Written::Jump(_) | Written::Plain)),
+        };
+        if !body.iter().all(is_idle) {
+            return Vec::new();
+        }
+        let conditions = body.iter().flat_map(|kind| match kind {
+            Written::If(text) | Written::When(text) | Written::Case(text) => [*text, b""],
+            Written::SelectCase(operand, text) => [*operand, *text],
+            _ => [&b""[..]; 2],
+        });
+        let lost = conditions.flat_map(|text| {
+            let [registers, position_registers] = statement::registers_in(text);
+            let of_register = |index| self.does(builtin::SET, vec![expression(index, self.place), self.waited_for()]);
+            let of_elements = |index| {
+                let all = vec![expression(index, self.place), self.unknown(), self.waited_for()];
+                self.does(builtin::ELEMENT, all)
+            };
+            let registers: Vec<StatementKind> = registers.into_iter().map(of_register).collect();
+            registers.into_iter().chain(position_registers.into_iter().map(of_elements)).collect::<Vec<_>>()
+        });
+        lost.collect()
     }
 
     /// A case of a `SELECT`: its statement, and after all cases; or the next case.

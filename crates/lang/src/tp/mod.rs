@@ -30,6 +30,7 @@ use nalgebra::Isometry3;
 use std::ops::Range;
 use std::sync::Arc;
 
+pub use calls::Shared;
 pub use code::Code;
 pub use effects::Calls;
 pub use expression::count;

@@ -1,9 +1,11 @@
 //! The statements of `/MN`, by their effect on where the robot goes.
 
-use super::expression::count;
+use super::builtin;
+use super::expression::{constant, count, expression};
 use super::lex::{Parsed, brackets, index, is_letter, keyword, of_first_group, register_and_element, spaced, word};
 use super::lines::Line;
 use super::motion::{self, Motion};
+use crate::ir::{Binary, Callee, Expression, ExpressionKind as Is, SourceSpan};
 use crate::reason::Reason;
 use nom::Parser;
 use nom::branch::alt;
@@ -113,7 +115,7 @@ pub enum Frame {
 pub enum Whole {
     /// All elements are zero (`PR[1]=LPOS-LPOS`, `PR[1]=PR[1]-PR[1]`).
     Zero,
-    /// A position of the program with this number (`P[4]`), in X, Y, Z, W, P, R or in axis angles.
+    /// A position of the program with this number (`P[4]`, `P[4]+PR[2]`), in X, Y, Z, W, P, R or in axis angles.
     Taught(u32),
     /// The actual position (`LPOS`): X, Y, Z, W, P, R that are known only at run time.
     Position,
@@ -302,7 +304,15 @@ fn position_register(rest: &[u8]) -> StatementKind<'_> {
         return StatementKind::Element(indices, element, value);
     }
     let taught = (keyword("P"), brackets).parse(value.trim_ascii()) as Parsed<'_, _>;
-    let taught = taught.ok().filter(|(after, _)| after.is_empty()).and_then(|(_, (_, within))| count(index(within)));
+    // A position register that is added or subtracted is one on which the position does not depend.
+    let is_moved = |after: &[u8]| {
+        let added = (spaced(alt((tag("+"), tag("-")))), keyword("PR"), brackets).parse(after) as Parsed<'_, _>;
+        added.is_ok_and(|(after, _)| after.trim_ascii().is_empty())
+    };
+    let taught = taught
+        .ok()
+        .filter(|(after, _)| after.is_empty() || is_moved(after))
+        .and_then(|(_, (_, within))| count(index(within)));
     let value: Vec<u8> = value.iter().filter(|b| !b.is_ascii_whitespace()).map(u8::to_ascii_uppercase).collect();
     let whole = match &value[..] {
         _ if taught.is_some() => taught.map_or(Whole::Unknown, Whole::Taught),
@@ -517,16 +527,26 @@ fn register_index(within: &[u8]) -> &[u8] {
     register_and_element(own).0
 }
 
-/// Whether a value is an element of a position register, plus or minus something.
+/// Whether a value is an element of a position register, plus or minus something, and names no other one before it.
 fn is_sum_with(value: &[u8], register: &[u8], element: &[u8]) -> bool {
-    let Ok((rest, (_, within))) = (keyword("PR"), brackets).parse(value.trim_ascii()) as Parsed<'_, _> else {
-        return false;
+    let own = [register, element].map(count);
+    own.iter().all(Option::is_some) && adds_to(&expression(value, SourceSpan::default()), own)
+}
+
+fn adds_to(sum: &Expression, own: [Option<u32>; 2]) -> bool {
+    let names_none = |part: &Expression| {
+        let mut is_free = true;
+        part.each(&mut |part| {
+            is_free &= !matches!(part.kind, Is::Call(Callee::Builtin(builtin::VALUE), _) | Is::Unknown(..));
+        });
+        is_free
     };
-    let (own, own_element) = register_and_element(of_first_group(within).unwrap_or_default());
-    let is_same = |a, b| count(a).is_some() && count(a) == count(b);
-    let is_sum = rest.trim_ascii_start().first().is_none_or(|b| matches!(b, b'+' | b'-'));
-    let adds = is_sum && !rest.iter().any(|b| matches!(b, b'<' | b'>' | b'='));
-    adds && is_same(own, register) && own_element.is_some_and(|own| is_same(own, element))
+    match &sum.kind {
+        Is::Call(Callee::Builtin(builtin::VALUE), of) => of.iter().map(|index| constant(&index.value)).eq(own),
+        Is::Binary(Binary::Add, two) => adds_to(&two[0], own) || names_none(&two[0]) && adds_to(&two[1], own),
+        Is::Binary(Binary::Subtract, two) => adds_to(&two[0], own),
+        _ => false,
+    }
 }
 
 /// The indices of the registers, and those of the position registers, that a condition names.
@@ -563,7 +583,8 @@ mod tests {
         assert_eq!(is("PR[9:a,1]=LPOS"), StatementKind::PositionRegister(b"9", Whole::Position));
         assert_eq!(is("PR[9]=PR[9:a]-PR[9]"), StatementKind::PositionRegister(b"9", Whole::Zero));
         assert_eq!(is("PR[9]=P[1:a]"), StatementKind::PositionRegister(b"9", Whole::Taught(1)));
-        for anything in ["PR[9]=PR[8]-PR[9]", "PR[9]=PR[9]", "PR[9]=JPOS", "PR[9]=P[R[1]]", "PR[9]=P[1]+PR[1]"] {
+        assert_eq!(is("PR[9]=P[1]+PR[1:a]"), StatementKind::PositionRegister(b"9", Whole::Taught(1)));
+        for anything in ["PR[9]=PR[8]-PR[9]", "PR[9]=PR[9]", "PR[9]=JPOS", "PR[9]=P[R[1]]", "PR[9]=P[1]+P[2]"] {
             assert_eq!(is(anything), StatementKind::PositionRegister(b"9", Whole::Unknown), "{anything}");
         }
         assert_eq!(is("PR[GP2:9,1]=5"), StatementKind::Plain);
@@ -616,7 +637,8 @@ mod tests {
         let index = |text: &str, is_assigned| vec![(text.as_bytes().to_vec(), is_assigned)];
         assert_eq!(named("PR[1]=P[2:a]"), []);
         assert_eq!(named("PR[R[1]]=P[2:a]"), index("2", false));
-        assert_eq!(named("PR[1]=P[2:a]+PR[3]"), index("2", false));
+        assert_eq!(named("PR[1]=P[2:a]+PR[3]"), []);
+        assert_eq!(named("PR[1]=P[2:a]+P[3]"), [index("2", false), index("3", false)].concat());
         assert_eq!(named("IF DI[1]=ON,PR[1]=P[2]"), index("2", false));
         assert_eq!(named("P[2:a] = PR[1]"), index("2", true));
         assert_eq!(named("P[R[1],3]=5"), index("R[1]", true));
@@ -632,6 +654,13 @@ mod tests {
             ("PR[1]=P[2]", &[][..]),
             ("PR[1,3]=PR[1,3]+50", &[]),
             ("PR[1,3]=PR[1,3:z]-R[5]*2", &[]),
+            ("PR[1,3]=(PR[1,3]+50)", &[]),
+            ("PR[1,3]=50+PR[1,3]", &[]),
+            ("PR[1,3]=(R[1]+(PR[1,3]-R[5]))", &[]),
+            ("PR[1,3]=50-PR[1,3]", &["1"]),
+            ("PR[1,3]=PR[2,3]+PR[1,3]", &["2", "1"]),
+            ("PR[1,3]=PR[1,3]=50", &["1"]),
+            ("PR[1]=P[2]+PR[2]", &["2"]),
             ("PR[1,3]=50", &[]),
             ("L PR[1] 5mm/sec FINE", &[]),
             ("!PR[1]", &[]),

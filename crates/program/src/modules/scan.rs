@@ -2,6 +2,7 @@
 
 use crate::krl::{self, Called};
 use crate::{Language, language::CallWords, rapid};
+use deflex_lang::tp::Shared;
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io::{self, BufRead};
@@ -23,8 +24,13 @@ pub struct ModuleNames {
     pub(super) given: BTreeMap<String, BTreeSet<String>>,
     /// Routines that change none of their parameters.
     pub(super) keeping: BTreeSet<String>,
+    /// What a TP program has in common with others.
+    shared: Shared,
     scan: Scan,
 }
+
+/// The override of KRL, by which the controller multiplies every speed.
+pub(super) const OVERRIDE: &str = "$OV_PRO";
 
 /// What a name is.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -96,6 +102,11 @@ struct Statement {
     is_assignment: bool,
     /// The written index of the array that it may assign.
     index: Option<String>,
+    /// How many numbers it has, and whether the last one is 100.
+    numbers: usize,
+    is_full: bool,
+    /// Whether it names the command of `BAS` that sets the override.
+    has_override: bool,
 }
 
 #[derive(Debug)]
@@ -137,6 +148,7 @@ impl ModuleNames {
             changed: none(),
             given: BTreeMap::new(),
             keeping: none(),
+            shared: Shared::default(),
             scan: Scan::default(),
         }
     }
@@ -148,11 +160,16 @@ impl ModuleNames {
         is_called && self.module != other.module && self.used.contains(&other.module)
     }
 
-    /// Whether both programs name data that all programs have in common, in such a language.
+    /// What the program has in common with others that it does not call.
     #[must_use]
-    pub fn shares_data(&self, other: &Self) -> bool {
-        let is_called = self.language.about().calls.is_some() && self.language == other.language;
-        is_called && self.module != other.module && !self.changed.is_disjoint(&other.changed)
+    pub fn shared(&self) -> &Shared {
+        &self.shared
+    }
+
+    /// Adds what in another program matters to this one to what is known of others, and returns whether any of it is new. This one has `own` in common
+    /// with others, with those that it calls.
+    pub fn learn(&self, other: &Self, own: &Shared, known: &mut Shared) -> bool {
+        self.module != other.module && own.learn(&other.shared, known)
     }
 
     /// Adds the names of a file of the module, which is read a line at a time.
@@ -161,8 +178,16 @@ impl ModuleNames {
     /// `input` cannot be read.
     pub fn read(&mut self, mut input: impl BufRead) -> io::Result<()> {
         self.scan = Scan::default();
-        let mut line = Vec::new();
         let language = self.language;
+        if language == Language::Ls {
+            // Statements may have several lines.
+            let mut text = Vec::new();
+            input.read_to_end(&mut text)?;
+            self.shared = Shared::of(&text);
+            tokens_of(&text, language).for_each(|token| self.take(&token));
+            return Ok(());
+        }
+        let mut line = Vec::new();
         while input.read_until(b'\n', &mut line)? > 0 {
             tokens_of(&line, language).for_each(|token| self.take(&token));
             self.take(&Token::Mark(b'\n'));
@@ -213,13 +238,14 @@ impl ModuleNames {
             }
             self.name(&word);
         }
+        self.scan.statement.has_override |= word == "OV_PRO";
         self.scan.before = Before::Word;
         self.scan.words.rotate_left(1);
         self.scan.words[2] = word;
     }
 
     /// A word of a program that calls others by the names of their files.
-    fn call_word(&mut self, CallWords { own, called, shared }: &CallWords, token: &Token<'_>) {
+    fn call_word(&mut self, CallWords { own, called }: &CallWords, token: &Token<'_>) {
         let (Token::Word(text) | Token::Text { text, .. }) = *token else { return };
         let word = String::from_utf8_lossy(text).to_ascii_uppercase();
         let before = &self.scan.words[2];
@@ -227,9 +253,6 @@ impl ModuleNames {
             word.clone_into(&mut self.module);
         } else if called.contains(&before.as_str()) {
             self.used.insert(word.clone());
-        }
-        if shared.contains(&word.as_str()) && !self.changed.contains(&word) {
-            self.changed.insert(word.clone());
         }
         self.scan.words[2] = word;
     }
@@ -262,6 +285,8 @@ impl ModuleNames {
 
     fn number(&mut self, number: &[u8]) {
         let statement = &mut self.scan.statement;
+        statement.numbers += 1;
+        statement.is_full = number == b"100";
         if statement.depth == 1 && self.scan.before == Before::Mark(b'[') && !statement.is_longer_than_path {
             statement.index = Some(String::from_utf8_lossy(number).into_owned());
         }
@@ -438,7 +463,7 @@ impl ModuleNames {
     fn change(&mut self, name: String, index: Option<String>) {
         if self.scan.own.contains(&name) {
             self.scan.changes_own = true;
-        } else if !name.starts_with('$') {
+        } else if !name.starts_with('$') || name == OVERRIDE {
             self.changed.insert(index.map_or(name.clone(), |index| format!("{name}[{index}]")));
         }
     }
@@ -547,7 +572,13 @@ impl ModuleNames {
 
     /// Ends a statement of KRL, and begins another one.
     fn krl_rest(&mut self) -> Statement {
-        let Statement { first, names, functions, is_assignment, index, .. } = std::mem::take(&mut self.scan.statement);
+        let statement = std::mem::take(&mut self.scan.statement);
+        // What sets it to 100 % leaves what other programs begin with.
+        let is_full = statement.is_full && statement.numbers == 1 && statement.names.len() == 1;
+        let Statement { first, names, functions, is_assignment, index, has_override, .. } = statement;
+        if has_override && first == "BAS" && !is_full {
+            self.change(OVERRIDE.to_owned(), None);
+        }
         for function in functions {
             match krl::changes(function.as_bytes()) {
                 Called::Nothing => {}
@@ -557,6 +588,7 @@ impl ModuleNames {
         }
         match first.as_str() {
             "FOR" => names.into_iter().nth(1).into_iter().for_each(|counter| self.change(counter, None)),
+            OVERRIDE if is_full => {}
             _ if is_assignment => self.change(first, index),
             _ => {}
         }

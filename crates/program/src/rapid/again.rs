@@ -114,6 +114,7 @@ impl Runner<'_> {
             literals: Arc::clone(&layout.literals),
             sites: std::mem::take(&mut self.found.sites),
             offsets: std::mem::take(&mut self.found.offsets),
+            bound_to_point: layout.bound_to_point.clone(),
             again: Some(again),
             ..super::Layout::default()
         });

@@ -176,8 +176,9 @@ impl<'a> Runner<'a> {
                 }
                 PartStep::Component(name) => {
                     if let Value::Target(pose) = &value {
-                        if !self.is_shown {
-                            self.numbers.pin_pose(pose);
+                        match self.is_shown {
+                            true => self.found.bound_to_point.extend(pose.root),
+                            false => self.numbers.pin_pose(pose),
                         }
                         value = value::parts(pose);
                         kind = Arc::from(&b"ROBTARGET"[..]);

@@ -106,6 +106,8 @@ pub(crate) struct Layout {
     standing: Arc<Vec<Offset>>,
     /// Literals to which joint motions go that the program does not follow: they go along with the cuts there.
     joints_elsewhere: BTreeSet<u32>,
+    /// Literals that the program also shows, or to which motions go that it does not follow and that have other motions before or after them.
+    bound_to_point: BTreeSet<u32>,
     /// Executed motions, with those whose target is unknown when reading.
     motions: usize,
     /// The program is one procedure of motions to inline targets, so it can be cut anywhere (see `chunks`).
@@ -173,6 +175,17 @@ impl FrontEnd for Layout {
 
     fn joints_elsewhere(&self, program: &Program) -> Vec<usize> {
         (0..program.targets.len()).filter(|i| self.is_joint_elsewhere(*i)).collect()
+    }
+
+    fn bound_to_point(&self, _: &Program) -> Vec<usize> {
+        let is_bound = |site: &TargetInText| match site {
+            TargetInText::None => false,
+            TargetInText::Literal { literal, .. } => {
+                self.bound_to_point.contains(literal) || self.joints_elsewhere.contains(literal)
+            }
+            TargetInText::Offset(at) => self.bound_to_point.contains(&self.offsets[*at as usize].root),
+        };
+        (0..self.sites.len()).filter(|i| is_bound(&self.sites[*i])).collect()
     }
 
     fn motion_targets(&self, _: &Program) -> usize {

@@ -99,6 +99,7 @@ impl<'a> Runner<'a> {
             (Some((Ok(circle), via)), Ok(end)) => {
                 self.point(scope, &circle, via, Target { role: Role::Via, ..target.clone() });
                 self.point(scope, &end, to, target);
+                self.use_arc_aside([&circle, &end]);
             }
             (None, Ok(end)) => self.point(scope, &end, to, target),
             (circle, end) => {
@@ -246,8 +247,10 @@ impl<'a> Runner<'a> {
 
     /// The robot arrives at a target.
     fn arrive(&mut self, target: &Target, root: Option<u32>) {
+        let here = Standing { source: target.source, start: target.span.start, root };
+        self.step_aside(Some((target, here)));
         self.state.stands = Stands::At(self.site(target.span));
-        self.state.standing = BTreeSet::from([Standing { source: target.source, start: target.span.start, root }]);
+        self.state.standing = BTreeSet::from([here]);
     }
 
     fn push(&mut self, mut target: Target, site: TargetInText) {

@@ -29,6 +29,8 @@ impl Runner<'_> {
         let elsewhere = self.runs_elsewhere();
         self.hold_what_runs_elsewhere(&elsewhere);
         self.hold_what_is_used_otherwise();
+        self.hold_other_arcs();
+        self.bind_what_steps_otherwise();
         self.hold_what_is_not_always_assembled();
         let plain = self.plain(files);
         let streamable = plain && self.inline();
@@ -45,6 +47,8 @@ impl Runner<'_> {
             }
         }
         self.keep_what_is_refused();
+        self.keep_what_is_not_run();
+        self.tell_traps_that_move();
         self.tell_what_holds();
         let runs_elsewhere = self.starts_in(elsewhere.unknown.iter().chain(&elsewhere.aside));
         let layout = Layout {
@@ -53,6 +57,7 @@ impl Runner<'_> {
             offsets: self.found.offsets,
             standing: Arc::new(self.found.standing),
             joints_elsewhere: self.found.joints_elsewhere,
+            bound_to_point: self.found.bound_to_point,
             motions: self.counters.motions as usize,
             streamable,
             plain,
@@ -139,10 +144,12 @@ impl Runner<'_> {
     }
 
     /// Refuses a base when a target made from it cannot be edited, because that target would move with it. Whether a target with a computed
-    /// offset may do so is known when the corrections are: it may if it cuts nothing.
+    /// offset may do so is known when the corrections are: it may if it cuts nothing, and is no point of an arc.
     fn refuse_shared_declarations(&mut self) {
         for i in 0..self.found.targets.len() {
-            if matches!(self.found.targets[i].editable, Editable::No(why) if why != Reason::OffsetWithExpression) {
+            let Target { editable, motion, .. } = self.found.targets[i];
+            let may_follow = |why| why == Reason::OffsetWithExpression && motion != Motion::Circular;
+            if matches!(editable, Editable::No(why) if !may_follow(why)) {
                 let root = self.found.root(&self.found.sites[i]);
                 self.numbers.pin(root);
             }

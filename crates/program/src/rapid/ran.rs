@@ -1,6 +1,7 @@
 //! The statements that were run, and the targets of motions that were not.
 
 use super::known::RoutineId;
+use super::state::Standing;
 use crate::Role;
 use deflex_lang::ir::SourceSpan;
 use deflex_text::Source;
@@ -25,9 +26,28 @@ impl Ran {
     }
 }
 
+/// An arc in a routine that nothing runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct ArcAside {
+    /// The robtargets from which its circle point and its end are made.
+    pub(super) roots: [Option<u32>; 2],
+    /// See [`Use::by`].
+    pub(super) by: Option<RoutineId>,
+}
+
+/// A step of a routine that nothing runs, from one motion to the next. `None` is a place that is not known: before the first motion of the
+/// routine, after its last one, and where paths meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct Step {
+    pub(super) from: Option<Standing>,
+    pub(super) to: Option<Standing>,
+}
+
 /// The use of a target by a motion in a routine that nothing runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Use {
+    /// File and start of the statement.
+    pub(super) statement: (u16, u32),
     pub(super) root: u32,
     /// The first number of its offset.
     pub(super) offset: Option<SourceSpan>,

@@ -33,8 +33,6 @@ impl<'a> Runner<'a> {
     pub(super) fn run_gathering(mut self, files: &[File]) -> (Outcome, Gathering, u32) {
         let procs = self.follow();
         self.look_aside(&procs);
-        self.keep_what_is_not_run();
-        self.tell_traps_that_move();
         let gathering = std::mem::replace(&mut self.gathering, Gathering::All);
         let motions = self.counters.motions;
         (self.finish(files), gathering, motions)

@@ -3,7 +3,7 @@
 use super::gathering::Gathering;
 use super::known::RoutineId;
 use super::literal::Literal;
-use super::ran::{Ran, Use};
+use super::ran::{ArcAside, Ran, Step, Use};
 use super::state::{Begun, ModalState, Site, Standing, State};
 use super::steps::Routines;
 use super::symbols::{Names, Symbols};
@@ -14,7 +14,7 @@ use crate::kept::KeptStatements;
 use crate::{ExternalAxes, InactiveUnit, Mark, Target, Tool, UnknownMotion, Wobj};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Source, Span};
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -193,6 +193,10 @@ pub(super) struct Reached {
     pub(super) is_aside_cut: bool,
     /// Uses by routines that nothing runs.
     pub(super) aside: Vec<Use>,
+    pub(super) arcs_aside: BTreeSet<ArcAside>,
+    pub(super) steps_aside: HashSet<Step>,
+    /// The lines and arcs of routines of the program, by the routine that nothing calls and that runs them too.
+    pub(super) called_aside: BTreeMap<RoutineId, BTreeSet<Standing>>,
     /// Numbers that only routines hold that nothing runs, with these routines.
     pub(super) held_by: HashMap<Number, BTreeSet<RoutineId>>,
     /// Calls of procedures chosen at run time: the start of their names in upper case, empty if any name is possible.
@@ -263,6 +267,8 @@ pub(super) struct Found {
     pub(super) standing_places: HashSet<(u32, Option<SourceSpan>)>,
     /// See [`Layout::joints_elsewhere`](super::Layout).
     pub(super) joints_elsewhere: BTreeSet<u32>,
+    /// See [`Layout::bound_to_point`](super::Layout).
+    pub(super) bound_to_point: BTreeSet<u32>,
     /// Motions without a target.
     pub(super) unknown: Vec<UnknownMotion>,
     /// The place of the last target.

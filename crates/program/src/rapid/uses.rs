@@ -4,14 +4,14 @@
 use super::expression::{Expression, ExpressionKind};
 use super::known::{Changes, RoutineId};
 use super::motion;
-use super::ran::{Use, Way};
+use super::ran::{ArcAside, Step, Use, Way};
 use super::runner::{Mode, Reached, Runner};
-use super::state::{ModalState, OnOff};
+use super::state::{ModalState, OnOff, Standing, Stands};
 use super::symbols::Upper;
 use super::tree::{Data, RoutineKind, Statement, Storage, statements};
-use super::value::{Number, OffsetStep, Pose, axes_in_use};
+use super::value::{HeldNumbers, Number, OffsetStep, Pose, axes_in_use};
 use super::{Offset, TargetInText};
-use crate::{Editable, Goal, Mark, Motion, Reason, Target};
+use crate::{Editable, Goal, Mark, Motion, Predecessor, Reason, Role, Target};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Severity, Span};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -54,11 +54,55 @@ impl<'a> Runner<'a> {
             self.numbers.held.extend(offset);
             return;
         }
-        let way = Way::of(target);
+        let (way, statement) = (Way::of(target), (target.source, target.span.start));
         let has_conf = self.state.modal.nearest == OnOff::Off && pose.written.conf.is_some();
         let is_free = is_free(target) && has_conf;
-        let by = self.frames.first().map(|frame| frame.routine).filter(|_| self.reached.looking_aside);
-        self.reached.aside.push(Use { root, offset, position_mm: pose.written.position_mm, way, is_free, by });
+        let by = self.started_aside();
+        self.reached.aside.push(Use {
+            statement,
+            root,
+            offset,
+            position_mm: pose.written.position_mm,
+            way,
+            is_free,
+            by,
+        });
+    }
+
+    /// Notes an arc without targets in the result.
+    pub(super) fn use_arc_aside(&mut self, points: [&Pose; 2]) {
+        if self.is_recording && self.mode == Mode::Aside {
+            let (roots, by) = (points.map(|point| point.root), self.started_aside());
+            self.reached.arcs_aside.insert(ArcAside { roots, by });
+        }
+    }
+
+    /// Notes the step of a routine that an operator starts to its next motion, or to its end.
+    pub(super) fn step_aside(&mut self, next: Option<(&Target, Standing)>) {
+        if !self.reached.looking_aside || !self.is_recording || self.mode != Mode::Aside {
+            return;
+        }
+        let to = next.map(|(_, here)| here);
+        let known = matches!(self.state.stands, Stands::At(_));
+        if self.state.stands != Stands::Start {
+            let from = self.state.standing.iter().map(|from| Step { from: Some(*from), to: to.filter(|_| known) });
+            self.reached.steps_aside.extend(from);
+        }
+        if !known || self.state.standing.is_empty() {
+            self.reached.steps_aside.insert(Step { from: None, to });
+        }
+        if let (Some((target, here)), Some(by)) = (next, self.started_aside())
+            && self.reached.ran.has(usize::from(target.source), target.span.start)
+            && target.is_end()
+            && Way::of(target).cuts
+        {
+            self.reached.called_aside.entry(by).or_default().insert(here);
+        }
+    }
+
+    /// The routine that an operator started, while it runs.
+    fn started_aside(&self) -> Option<RoutineId> {
+        self.frames.first().map(|frame| frame.routine).filter(|_| self.reached.looking_aside)
     }
 
     /// Runs the routines that nothing in the files calls, because an operator may run them by hand, and notes the data that they use.
@@ -84,7 +128,10 @@ impl<'a> Runner<'a> {
             self.state = left.clone();
             self.forget_at_any_moment(&changes);
             let before = self.numbers.held();
-            self.aside(|this| this.start(id));
+            self.aside(|this| {
+                this.start(id);
+                this.step_aside(None);
+            });
             let own = self.numbers.held_again(before);
             own.into_iter().for_each(|number| self.reached.hold(number, id));
         }
@@ -175,6 +222,11 @@ impl<'a> Runner<'a> {
         let mut names = Vec::new();
         for statement in all {
             if statement.call().is_some_and(|call| self.only_shows(module, call, bytes)) {
+                statement.each(&mut |part| {
+                    let shown = Some(part).filter(|part| part.is_name()).map(|part| key(part.span));
+                    let at = shown.and_then(|name| self.symbols.find_data(module, &name));
+                    self.found.bound_to_point.extend(at.and_then(|at| self.declared_literal(at)));
+                });
                 continue;
             }
             let is_hidden = |name: &[u8]| data.contains_key(name) || parameters.contains(name);
@@ -231,10 +283,10 @@ impl<'a> Runner<'a> {
         if shape.motion == Motion::Circular || calls != 1 || !is_offset || !base.is_name() || is_hidden(&key) {
             return None;
         }
-        let variable = &self.symbols.variables[self.symbols.find_data(module, &key)?];
-        let value = variable.declared.and_then(|data| data.value.as_ref())?;
+        let at = self.symbols.find_data(module, &key)?;
+        let variable = &self.symbols.variables[at];
         let is_fixed = !variable.assigned && variable.volatile.is_none() && *variable.kind == *b"ROBTARGET";
-        let root = self.numbers.literal_of(variable.source, value).filter(|_| is_fixed)?;
+        let root = self.declared_literal(at).filter(|_| is_fixed)?;
         let is_written = |source: usize| source < self.written;
         if !is_written(id.file) || !is_written(usize::from(variable.source)) {
             return None;
@@ -250,6 +302,12 @@ impl<'a> Runner<'a> {
         let in_tool = *name == *b"RELTOOL";
         let step = OffsetStep::of([x.0, y.0, z.0], [x.1, y.1, z.1], in_tool);
         Some(Offset { root, steps: [step].into() })
+    }
+
+    /// The robtarget with which data are declared.
+    fn declared_literal(&self, at: usize) -> Option<u32> {
+        let variable = &self.symbols.variables[at];
+        self.numbers.literal_of(variable.source, variable.declared?.value.as_ref()?)
     }
 
     /// Records such a target.
@@ -318,7 +376,8 @@ impl<'a> Runner<'a> {
                 add(arrivals.entry(place).or_default(), Arrival { at: position_mm.map(f64::to_bits), is_free });
             }
         }
-        for other in std::mem::take(&mut self.reached.aside) {
+        let aside = std::mem::take(&mut self.reached.aside);
+        for other in &aside {
             let own = Arrival { at: other.position_mm.map(f64::to_bits), is_free: other.is_free };
             let arrivals = other.offset.and_then(|place| arrivals.get(&place));
             let differs = arrivals.is_some_and(|all| all.iter().any(|one| *one != own));
@@ -341,11 +400,54 @@ impl<'a> Runner<'a> {
                 let is_joint = is_cut && !other.way.cuts && other.offset.is_none();
                 self.found.joints_elsewhere.extend(is_joint.then_some(other.root));
             }
-            let own = self.numbers.held_again(before);
-            if let Some(by) = other.by {
-                own.into_iter().for_each(|number| self.reached.hold(number, by));
+            self.hold_by(before, other.by);
+        }
+        self.reached.aside = aside;
+    }
+
+    /// Forbids edits of the points of an arc in a routine that nothing runs, unless the program has an arc with the same points: a part of its
+    /// points would move.
+    pub(super) fn hold_other_arcs(&mut self) {
+        let root = |i: usize| self.found.root(&self.found.sites[i]);
+        let is_via = |i: &usize| self.found.targets[*i].role == Role::Via;
+        let arcs: HashSet<[Option<u32>; 2]> =
+            (1..self.found.targets.len()).map(|i| i - 1).filter(is_via).map(|via| [root(via), root(via + 1)]).collect();
+        for arc in std::mem::take(&mut self.reached.arcs_aside) {
+            if !arcs.contains(&arc.roots) {
+                let before = self.numbers.held();
+                self.numbers.pinned.extend(arc.roots.into_iter().flatten());
+                self.hold_by(before, arc.by);
             }
         }
+    }
+
+    /// Adds the numbers that were held before, and records who holds the others.
+    fn hold_by(&mut self, before: HeldNumbers, by: Option<RoutineId>) {
+        let own = self.numbers.held_again(before);
+        if let Some(by) = by {
+            own.into_iter().for_each(|number| self.reached.hold(number, by));
+        }
+    }
+
+    /// Binds the numbers of motions to their own point that a routine that nothing runs also uses, unless it has the same motions before and
+    /// after it: a displacement because of its neighbours would be wrong there.
+    pub(super) fn bind_what_steps_otherwise(&mut self) {
+        if self.reached.steps_aside.is_empty() {
+            return;
+        }
+        let (targets, sites) = (&self.found.targets, &self.found.sites);
+        let standing = |i: usize| {
+            let target = &targets[i];
+            Standing { source: target.source, start: target.span.start, root: self.found.root(&sites[i]) }
+        };
+        let follows = |i: &usize| *i > 0 && targets[*i].predecessor == Predecessor::Previous;
+        let steps: HashSet<Step> = (0..targets.len())
+            .filter(follows)
+            .map(|i| Step { from: Some(standing(i - 1)), to: Some(standing(i)) })
+            .collect();
+        let others = std::mem::take(&mut self.reached.steps_aside).into_iter().filter(|step| !steps.contains(step));
+        let places = others.flat_map(|Step { from, to }| [from, to]).flatten();
+        self.found.bound_to_point.extend(places.filter_map(|place| place.root));
     }
 
     /// Names the routines that nothing calls and because of which alone targets are kept, and what these call that is in no file.
@@ -442,8 +544,37 @@ impl<'a> Runner<'a> {
         self.numbers.pinned.extend(held);
     }
 
-    /// Keeps the targets of motions that were not run.
+    /// Names the routines that nothing calls and that run routines of the program with targets of their own.
+    fn tell_what_runs_with_others(&mut self) {
+        let roots: HashSet<u32> = self.found.sites.iter().filter_map(|site| self.found.root(site)).collect();
+        for (id, mut motions_of) in std::mem::take(&mut self.reached.called_aside) {
+            motions_of.retain(|motion| motion.root.is_some_and(|root| !roots.contains(&root)));
+            if id.file >= self.written || motions_of.is_empty() {
+                continue;
+            }
+            let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();
+            let message = format!(
+                "{} of `{name}`, in what it calls, not corrected: {}",
+                motions(motions_of.len()),
+                Reason::NotRun
+            );
+            let note = Diagnostic::error("rapid.not-run", "", message)
+                .at(&self.symbols.sources[id.file], self.symbols.routine(id).name);
+            self.messages.diagnostics.push(note.severity(Severity::Note));
+        }
+    }
+
+    /// Keeps the targets of motions that were not run, and that do not move with the targets of the program.
     pub(super) fn keep_what_is_not_run(&mut self) {
+        let (targets, sites) = (&self.found.targets, &self.found.sites);
+        let open = targets.iter().zip(sites).filter(|(target, _)| target.editable == Editable::Pose);
+        let open: HashSet<u32> = open.filter_map(|(_, site)| self.found.root(site)).collect();
+        let moves = |other: &&Use| other.offset.is_none() && open.contains(&other.root);
+        let (moving, staying): (Vec<&Use>, Vec<&Use>) = self.reached.aside.iter().partition(moves);
+        let [mut moving, staying] =
+            [moving, staying].map(|uses| uses.iter().map(|other| other.statement).collect::<HashSet<_>>());
+        moving.retain(|statement| !staying.contains(statement));
+        self.tell_what_runs_with_others();
         for id in self.symbols.all().filter(|id| id.file < self.written).collect::<Vec<_>>() {
             let routine = self.symbols.routine(id);
             let entered = self.reached.entered.contains(&id);
@@ -453,11 +584,15 @@ impl<'a> Runner<'a> {
                 RoutineKind::Proc if !entered => Reason::NotRun,
                 RoutineKind::Proc => Reason::NotReached,
             };
+            #[allow(clippy::cast_possible_truncation)] // as above
+            let moves = |at: Span| moving.contains(&(id.file as u16, at.start));
             for (block, reason) in [(&routine.body, body), (&routine.handlers, Reason::InErrorHandler)] {
                 let idle: Vec<Span> = statements(block)
                     .into_iter()
                     .filter(|statement| {
-                        !self.reached.ran.has(id.file, statement.at.start) && self.is_motion(id, statement)
+                        !self.reached.ran.has(id.file, statement.at.start)
+                            && !moves(statement.at)
+                            && self.is_motion(id, statement)
                     })
                     .map(|statement| statement.at)
                     .collect();
