@@ -2,7 +2,7 @@
 
 use super::columns::Columns;
 use super::data::Problem;
-use super::decisions::{GONE, PRICE};
+use super::decisions::PRICE;
 use super::moments::Moments;
 use super::noise;
 use super::score::score;
@@ -25,7 +25,7 @@ pub(super) fn corrected_twice(declared: &Arm, problem: &Problem, before: &DVecto
         let moved = &residual - before;
         let share = residual.dot(&moved) / moved.norm_squared();
         let gain = evidence(problem, &residual) - evidence(problem, before);
-        (share.abs() < GONE && gain > PRICE).then(|| {
+        (gain > PRICE).then(|| {
             format!(
                 "the controller seems to correct {word} already: the data show only {:.0} % of the displacement that the cell's effects of \
                  {word} predict. The declared cell is off by {:.4} mm rms with these effects, and by {:.4} mm without them. If the \

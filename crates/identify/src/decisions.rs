@@ -35,20 +35,12 @@ pub(super) const FLEXIBLE: f64 = 10.0;
 pub(super) const UNLISTED: f64 = 13.0;
 
 /// Share by which a further explanation must improve on the others; less is an imperfection of the others. It is the
-/// share of what they explain for a second law of a spring and for a map at places near which no row was fitted, and the
-/// share of what they leave of the mean square error on unseen rows for a fault of the table in addition to the final
-/// model.
+/// share of what they explain for a map at places near which no row was fitted, and the share of what they leave of the
+/// mean square error on unseen rows for a fault of the table in addition to the final model.
 ///
-/// Of 48 cells with springs of other laws (quadratic, tanh, three slopes) none gets two laws; of five cells with both
-/// laws three do. The share of a map is below 0.02 on three cells with a faint drag or a warming hall, where the map
+/// The share of a map is below 0.02 on three cells with a faint drag or a warming hall, where the map
 /// holds for its own rows alone. It is above 0.4 on two cells of the second plant, where the map also holds elsewhere.
 pub(super) const MATERIAL: f64 = 0.1;
-
-/// Largest share of a declared effect that the rows show if the controller already corrects it.
-pub(super) const GONE: f64 = 0.3;
-
-/// Gain on blocks that the fit has not seen, in standard errors, that could be chance.
-pub(super) const CHANCE: f64 = 1.0;
 
 /// Whitened residuals of more standard deviations than this are outliers. By chance one in 1.7 million normal numbers
 /// is.
@@ -62,10 +54,6 @@ pub(super) const FAULT_GAIN: f64 = 0.02;
 /// Largest variance of the drift of an arm, relative to the white noise. More is a drift of the instrument or an effect
 /// in no list.
 pub(super) const MOST_WANDER: f64 = 2.0;
-
-/// Odds from which on another effect replaces the chosen one when all rows are fitted. Nearer to even the noise would
-/// decide.
-pub(super) const LIKELIER: f64 = 1.5;
 
 /// Nats for each scalar that a member must gain over the whole robot: it removes 0.3 % of the variance of the residual.
 pub(super) const GAIN_A_SCALAR: f64 = 0.0015;

@@ -5,7 +5,7 @@ use super::candidate::{Candidate, Home, same_pattern};
 use super::candidates;
 use super::columns::Columns;
 use super::data::Observation;
-use super::decisions::{MENTIONED, MOST_WANDER, NAMED, OUTLIER, PRICE, UNLISTED};
+use super::decisions::{MOST_WANDER, OUTLIER, PRICE, UNLISTED};
 use super::engine::{Engine, stacked};
 use super::found::{Linearised, Posterior};
 use super::moments::Moments;
@@ -251,19 +251,6 @@ impl Engine {
         matches!(self.candidates[candidate].home, Home::Pattern(pattern) if pattern.is_of_force())
     }
 
-    /// Withdraws every effect, because none can be trusted under forces that did not act.
-    pub(super) fn withdraw_all(&mut self, posteriors: &mut Vec<Posterior>) {
-        posteriors.clear();
-        self.choose(self.chosen.iter().copied().filter(|&c| self.candidates[c].is_pattern()).collect());
-    }
-
-    /// Withdraws the effects that are not certain enough to be named and have no rival, so that the alternative is no
-    /// effect at all.
-    pub(super) fn withdraw_faint(&mut self, posteriors: &mut Vec<Posterior>) {
-        let against = |rivals: &[(String, f64)]| rivals.iter().any(|(_, share)| *share >= MENTIONED);
-        self.withdraw_unless(posteriors, |_, share, rivals| share >= NAMED || against(rivals));
-    }
-
     /// Withdraws the members for which `holds` is false, given their probability and those of their rivals.
     pub(super) fn withdraw_unless(
         &mut self,
@@ -281,15 +268,7 @@ impl Engine {
     /// Removes every effect, the map included, and keeps the patterns.
     pub(super) fn remove_all_effects(&mut self) {
         self.map = None;
-        let (patterns, effects) = self.chosen.iter().partition(|&&c| self.candidates[c].is_pattern());
-        self.chosen = patterns;
-        for c in effects {
-            let candidate: &mut Candidate = &mut self.candidates[c];
-            candidate.values.clone_from(&candidate.start);
-        }
-        if !self.chosen.is_empty() {
-            self.refit();
-        }
+        self.choose(self.patterns());
     }
 
     /// Estimates again how much measured orientations scatter compared with positions. Returns whether the change is

@@ -55,7 +55,6 @@ mod score;
 mod search;
 mod separability;
 mod smooth;
-mod springs;
 mod statistics;
 mod ties;
 mod transfer;

@@ -9,7 +9,7 @@
 //! the rows (subset of regressors; Quiñonero-Candela and Rasmussen 2005, section 4).
 
 use super::data::Observation;
-use super::decisions::{CHANCE, MATERIAL, NAMED};
+use super::decisions::{MATERIAL, NAMED};
 use super::engine::Engine;
 use super::found::{LeavingOut, Map, Posterior};
 use super::noise::{self, Field, Over, Places, Sample, Series, whiten};
@@ -168,7 +168,7 @@ impl Engine {
         }
         let gain = in_standard_errors(&in_time);
         let likely = 0.5 * (1.0 + erf(gain / std::f64::consts::SQRT_2));
-        (gain > -CHANCE).then(|| self.map_of(&all, &process, &products, likely)).flatten()
+        (gain > 0.0).then(|| self.map_of(&all, &process, &products, likely)).flatten()
     }
 
     /// An accepted map, fitted again to the present rows.

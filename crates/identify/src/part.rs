@@ -38,15 +38,12 @@ impl Engine {
         if let Some(members) = whole_arm.or_else(|| self.whole_arm_for_unlisted()) {
             posteriors = self.take_whole_arm(&members);
         } else {
-            self.prune();
-            posteriors.retain(|(c, _)| self.chosen.contains(c));
-            self.contest(&mut posteriors);
             self.add_fault();
         }
+        // Under forces that did not act no effect can be trusted.
         if self.forces_are_wrong() {
-            self.withdraw_all(&mut posteriors);
-        } else if !self.is_whole_arm() {
-            self.withdraw_faint(&mut posteriors);
+            posteriors.clear();
+            self.remove_all_effects();
         }
         Ok(Model { posteriors, ranking })
     }
@@ -91,7 +88,7 @@ impl Engine {
             let now = self.linearise(&wanted, &shapes);
             reached(progress, within(SOUGHT, CHOSEN, 2 * round + 1, 2 * CHOOSING_ROUNDS))?;
             let search = Search::new(&self.candidates, &now.moments, &now.always);
-            let set = search.likeliest(search.best(&self.chosen, &|_: &Candidate| true));
+            let set = search.best(&self.chosen, &|_: &Candidate| true);
             let score = search.full(&set);
             let effects = set.iter().filter(|&&c| !self.candidates[c].is_pattern());
             best.posteriors = effects.map(|&c| (c, search.rivals(&set, c, &Candidate::is_named))).collect();
@@ -128,7 +125,7 @@ impl Engine {
             if new {
                 visited.clear();
             }
-            let settled = same && !new && !self.prune();
+            let settled = same && !new;
             if settled && field.is_none() {
                 break;
             }

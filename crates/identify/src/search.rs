@@ -346,16 +346,6 @@ impl<'a> Search<'a> {
         all
     }
 
-    /// The best set with those names, among the sets near `set`, that are most probable when the probabilities of all
-    /// their variants are added: no single variant of a kind with many, such as a time constant, needs to be the most
-    /// probable.
-    pub(super) fn likeliest(&self, set: Vec<usize>) -> Vec<usize> {
-        match self.sets(&set).into_iter().next() {
-            Some((_, best)) if self.names(&best) != self.names(&set) => best,
-            _ => set,
-        }
-    }
-
     /// The kinds that a set names, sorted and without repetition.
     pub(super) fn names(&self, set: &[usize]) -> Vec<&str> {
         let mut names: Vec<&str> =
@@ -363,35 +353,6 @@ impl<'a> Search<'a> {
         names.sort_unstable();
         names.dedup();
         names
-    }
-
-    /// For each allowed kind the best set in which it replaces `member`, alone or with a fault of the measurement, and
-    /// the objective of the set, nats. `without` is the set without the member. A kind that contains the member's kind
-    /// has an advantage of one nat of [`caution`], because its additional numbers alone must not decide against it.
-    pub(super) fn in_place_of(
-        &self,
-        member: usize,
-        without: &[usize],
-        allowed: &dyn Fn(&Candidate) -> bool,
-    ) -> BTreeMap<&str, (f64, Vec<usize>)> {
-        let own = &self.candidates[member].kind;
-        let joins = |c: &usize| {
-            let candidate = &self.candidates[*c];
-            candidate.is_named() && allowed(candidate) && self.joins(without, *c)
-        };
-        let alone = (0..self.candidates.len()).filter(joins).map(|c| (c, [without, &[c]].concat()));
-        let with_faults =
-            self.with_faults(without, &|c| self.candidates[c].is_pattern() || allowed(&self.candidates[c]));
-        let mut best: BTreeMap<&str, (f64, Vec<usize>)> = BTreeMap::new();
-        for (c, set) in alone.chain(with_faults) {
-            let kind = &self.candidates[c].kind[..];
-            let nested = if contains(kind, own) { self.caution() } else { 0.0 };
-            let value = self.objective(&set) + nested;
-            if best.get(kind).is_none_or(|(most, _)| value > *most) {
-                best.insert(kind, (value, set));
-            }
-        }
-        best
     }
 
     /// Posterior probability of a member against all that could replace it, and the probabilities of the kinds that

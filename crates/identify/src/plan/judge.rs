@@ -173,7 +173,7 @@ impl Simulation<'_> {
         let moments: Vec<Moments> =
             self.linear.moments.iter().map(|m| m.clone().with_data(&self.linear.design, &data, &series)).collect();
         let search = Search::new(&self.engine.candidates, &moments, &self.linear.always);
-        let set = search.likeliest(search.best(&[], &is_inflexible));
+        let set = search.best(&[], &is_inflexible);
         let score = search.full(&set);
         let columns = search.columns(&set);
         let mut left = data.clone();
