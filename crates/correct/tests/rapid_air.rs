@@ -222,7 +222,7 @@ fn a_divided_arc_leaves_the_circle_point_that_others_use_or_see() {
         let options = Options { subdivide: Some(2e-6), ..Options::default() };
         let done = compensate(&program, &cell, &options).unwrap();
         let text = program.edited(&done.rewritten.unwrap().edits).remove(0);
-        (position(&String::from_utf8(text.bytes.to_vec()).unwrap(), "pX")[0] - 200.0).abs()
+        (position(std::str::from_utf8(&text.bytes).unwrap(), "pX")[0] - 200.0).abs()
     };
     assert!(moved("", "") > 10.0);
     let service = |motion: &str| format!("PROC service()\n{motion}\nENDPROC\n");

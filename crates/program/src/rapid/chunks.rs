@@ -8,7 +8,7 @@
 use super::chunk::Chunk;
 use super::kinds::Kinds;
 use super::lex::{Cursor, LexemeKind};
-use super::lines::{CHUNK, END, first_word, is_motion, line_of};
+use super::lines::{CHUNK, END, LONGEST_HEAD, first_word, is_motion, line_of};
 use super::predefined::harmless;
 use crate::{Language, Mark, Next, detect};
 use deflex_text::{Source, Span, lines};
@@ -100,7 +100,7 @@ impl<R: Read> Chunks<R> {
     /// # Errors
     /// `input` cannot be read.
     pub fn sized(name: &str, input: R, context: &[Source], chunk: usize) -> io::Result<Option<Self>> {
-        if context.iter().map(|source| source.bytes.len()).sum::<usize>() > CHUNK {
+        if context.iter().map(|source| source.bytes.len()).sum::<usize>() > LONGEST_HEAD {
             return Ok(None);
         }
         let mut chunks = Self {
@@ -121,8 +121,8 @@ impl<R: Read> Chunks<R> {
             mark: None,
             state: ReadingStage::First,
         };
-        chunks.fill(CHUNK)?;
-        let begin = &chunks.rest[..chunks.rest.len().min(CHUNK)];
+        chunks.fill(LONGEST_HEAD)?;
+        let begin = &chunks.rest[..chunks.rest.len().min(LONGEST_HEAD)];
         let Some(first) = first_motion(begin) else { return Ok(None) };
         chunks.head = chunks.rest.drain(..first).collect();
         chunks.head_lines = chunks.head.iter().filter(|b| **b == b'\n').count();

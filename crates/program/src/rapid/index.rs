@@ -1,6 +1,6 @@
 //! The index of a long program: the lines that declare its targets, and the lines of its routines, unread.
 
-use super::lines::{CHUNK, first_word, is_motion};
+use super::lines::{LONGEST_HEAD, first_word, is_motion};
 use super::predefined::harmless;
 use super::routines::Routine;
 use crate::Mark;
@@ -107,7 +107,7 @@ impl Scan {
                 if let Some(name) = declared(text).filter(|_| self.within == Within::Data) {
                     return self.declare(text, name, start, line.len());
                 }
-                if self.head.text.len() > CHUNK || is_motion(word) {
+                if self.head.text.len() > LONGEST_HEAD || is_motion(word) {
                     return None;
                 }
                 self.head.text.extend_from_slice(line);
