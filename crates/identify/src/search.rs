@@ -154,9 +154,12 @@ impl<'a> Search<'a> {
         evidence
     }
 
-    /// The price of a set: the gain over the empty set that its members require, nats.
+    /// The price of a set: the gain over the empty set that its members require, nats. Two laws of the springs together
+    /// can imitate other laws.
     pub(super) fn prices(&self, set: &[usize]) -> f64 {
-        set.iter().map(|&c| self.price(c)).sum()
+        let laws = set.iter().filter(|&&c| self.candidates[c].family == SPRING).count();
+        let members: f64 = set.iter().map(|&c| self.price(c)).sum();
+        members + if laws > 1 { FLEXIBLE } else { 0.0 }
     }
 
     /// The price of a member, nats. It grows with the number of its variants, and is higher for candidates that can

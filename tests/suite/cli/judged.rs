@@ -42,7 +42,7 @@ fn routines(text: &str) -> String {
 
 /// Programs of each kind, as they are streamed and as they are held whole.
 fn programs(bench: &Bench) -> [(&'static str, &'static str, &'static str); 4] {
-    let (inline, cl, named) = (long(3 * CHUNK / 400), long_cl(CHUNK / 16), declared(2 * CHUNK / 40));
+    let (inline, cl, named) = (long(6 * CHUNK / 400), long_cl(CHUNK / 8), declared(4 * CHUNK / 40));
     bench.write("inline.mod", &inline).write("inline-whole.mod", rapid_whole(&inline));
     bench.write("named.mod", &named).write("named-whole.mod", rapid_whole(&named));
     let called = routines(&inline);
@@ -134,7 +134,7 @@ fn a_corrected_long_program_is_judged_alike_against_its_original() {
 #[test]
 fn targets_out_of_reach_are_findings_and_leave_no_rows() {
     let bench = Bench::new();
-    let far = long(5 * CHUNK / 400).replacen("[[100,0,0]", "[[9000,0,0]", 700);
+    let far = long(10 * CHUNK / 400).replacen("[[100,0,0]", "[[9000,0,0]", 700);
     bench.write("far.mod", &far).write("whole.mod", rapid_whole(&far));
     let said = alike(&bench, "check", "far.mod", "whole.mod", "--max-error 1", 1);
     assert!(said.stdout.contains("not reached") && said.stdout.contains("700 findings"), "{:.1000}", said.stdout);
@@ -164,7 +164,7 @@ fn findings_beyond_the_listed_ones_are_counted() {
 #[test]
 fn a_batch_is_judged_as_each_of_its_programs() {
     let bench = Bench::new();
-    let named = |name: &str| long(5 * CHUNK / 400).replace("MODULE Part", &format!("MODULE {name}"));
+    let named = |name: &str| long(10 * CHUNK / 400).replace("MODULE Part", &format!("MODULE {name}"));
     bench.write("a.mod", named("A")).write("b.mod", rapid_whole(&named("B"))).write("c.apt", long_cl(10 * CHUNK / 40));
     let inputs = ["a.mod", "b.mod", "c.apt", "part.mod"];
     for command in ["predict", "check --max-error 0.84"] {

@@ -403,8 +403,8 @@ fn numbers_that_others_use_under_other_frames_stay() {
     check(main, "PROC rSpare()\nMoveL p1,v50,fine,t2\\WObj:=w2; ! stay\nENDPROC");
     check(main, "FUNC num f()\nMoveL p1,v50,fine,t2\\WObj:=w2; ! stay\nRETURN 1;\nENDFUNC");
     check(&format!("{main}\nERROR\nMoveL p1,v50,fine,t2\\WObj:=w2; ! stay\nTRYNEXT;"), "");
-    // Under the same frames an operator's own routine wants the same.
-    check("MoveL p1,v50,fine,t1\\WObj:=w1; ! edit", "PROC rSpare()\nMoveL p1,v50,fine,t1\\WObj:=w1; ! stay\nENDPROC");
+    // Under the same frames the motion of an operator's own routine moves with the target.
+    check("MoveL p1,v50,fine,t1\\WObj:=w1; ! edit", "PROC rSpare()\nMoveL p1,v50,fine,t1\\WObj:=w1;\nENDPROC");
     check(
         "nIn:=ReadNum(dev);\nMoveL pa{nIn},v50,fine,t2\\WObj:=w2; ! stay\nMoveL pa{2},v50,fine,t1\\WObj:=w1; ! stay",
         "",

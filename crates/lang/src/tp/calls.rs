@@ -101,6 +101,18 @@ impl Shared {
     }
 
     /// Adds that of a program that this one calls.
+    ///
+    /// # Examples
+    /// ```
+    /// use deflex_lang::tp::Shared;
+    ///
+    /// let [mut own, called] =
+    ///     [&b"/PROG A\n/MN\n1:CALL B ;\n/END\n"[..], b"/PROG B\n/MN\n1:PR[1]=P[2] ;\n/END\n"].map(Shared::of);
+    /// let other = Shared::of(b"/PROG C\n/MN\n1:R[1]=PR[1,3] ;\n/END\n");
+    /// assert!(!own.learn(&other, &mut Shared::default()));
+    /// own.extend(&called);
+    /// assert!(own.learn(&other, &mut Shared::default()));
+    /// ```
     pub fn extend(&mut self, other: &Self) {
         self.0.extend(&other.0);
     }
