@@ -12,29 +12,14 @@ use numpy::{PyArray2, PyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::hash::{Hash, Hasher};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A milling cell.
 #[pyclass(frozen, eq, hash, module = "deflex")]
-#[derive(Clone)]
+#[derive(Clone, PartialEq, Hash)]
 pub(crate) struct Cell {
     pub(crate) file: Arc<CellFile>,
-}
-
-/// Cells are equal if their files are: name and text.
-impl PartialEq for Cell {
-    fn eq(&self, other: &Self) -> bool {
-        let (own, other) = (self.file.source(), other.file.source());
-        (&own.name, &own.bytes) == (&other.name, &other.bytes)
-    }
-}
-
-impl Hash for Cell {
-    fn hash<H: Hasher>(&self, state: &mut H) {
-        (&self.file.source().name, &self.file.source().bytes).hash(state);
-    }
 }
 
 #[pymethods]
@@ -69,7 +54,7 @@ impl Cell {
     /// The arm, with the declared stiffness.
     #[getter]
     fn robot(&self) -> Robot {
-        Robot::of(self)
+        Robot::of(&self.file)
     }
 
     /// Names of the declared tools, upper case.
@@ -201,4 +186,10 @@ impl Cell {
         let effects = if kinds.is_empty() { "no effects".to_owned() } else { kinds.join(", ") };
         format!("Cell({:?}, {}: {effects})", self.name(), cell.arm.robot.model)
     }
+}
+
+/// The parts of a robot, which `pickle` passes to another process: its model, and the cell that describes it.
+#[pyfunction]
+pub(crate) fn robot_parts(robot: &Robot) -> (&str, Option<Cell>) {
+    (robot.model(), robot.cell.clone().map(|file| Cell { file }))
 }

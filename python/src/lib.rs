@@ -18,7 +18,7 @@ mod _deflex {
     #[pymodule_export]
     use super::arrays::table_text;
     #[pymodule_export]
-    use super::cell::Cell;
+    use super::cell::{Cell, robot_parts};
     #[pymodule_export]
     use super::effect::Effect;
     #[pymodule_export]
@@ -26,7 +26,7 @@ mod _deflex {
     #[pymodule_export]
     use super::program::{Program, program_of, program_parts};
     #[pymodule_export]
-    use super::robot::{Robot, cutting_force, robot_parts};
+    use super::robot::{Robot, cutting_force};
     #[pymodule_export]
     use super::run::{
         columns, diff, driven_path, identify, identify_path, init, inspect, page, plan, read_table, run, simulate,

@@ -1,12 +1,13 @@
 use crate::arrays::{Matrices, Rows, matrices, rows, shaped};
-use crate::cell::Cell;
 use crate::work;
 use deflex::cutting::{Coefficients, Cutter, Engagement, Mode, materials, mean_forces};
 use deflex::robot::{self, BUILTIN, Builtin, Joints, Pose, Unreachable, pose_of_matrix};
+use deflex::session::CellFile;
 use numpy::{PyArray2, PyArray3};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::Arc;
 
 /// An arm as its controller knows it.
 #[pyclass(frozen, module = "deflex")]
@@ -15,14 +16,14 @@ pub(crate) struct Robot {
     stiffness: Option<Joints>,
     start_deg: [f64; 6],
     /// The cell that describes it; a built-in robot has none.
-    cell: Option<Cell>,
+    pub(crate) cell: Option<Arc<CellFile>>,
 }
 
 impl Robot {
-    pub(crate) fn of(cell: &Cell) -> Self {
-        let arm = &cell.file.cell().arm;
+    pub(crate) fn of(cell: &Arc<CellFile>) -> Self {
+        let arm = &cell.cell().arm;
         let (robot, start_deg) = (arm.robot.clone(), arm.robot.home_deg());
-        Self { robot, stiffness: arm.stiffness, start_deg, cell: Some(cell.clone()) }
+        Self { robot, stiffness: arm.stiffness, start_deg, cell: Some(Arc::clone(cell)) }
     }
 }
 
@@ -56,7 +57,7 @@ impl Robot {
 
     /// Name.
     #[getter]
-    fn model(&self) -> &str {
+    pub(crate) fn model(&self) -> &str {
         &self.robot.model
     }
 
@@ -168,12 +169,6 @@ impl Robot {
         (&self.robot.model, &self.cell).hash(&mut hasher);
         hasher.finish()
     }
-}
-
-/// The parts of a robot, which `pickle` passes to another process: its model, and the cell that describes it.
-#[pyfunction]
-pub(crate) fn robot_parts(robot: &Robot) -> (String, Option<Cell>) {
-    (robot.robot.model.to_string(), robot.cell.clone())
 }
 
 /// Mean cutting force; a row of `engagements` is depth, width, feed per tooth (mm), lead and tilt (degrees).

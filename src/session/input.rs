@@ -10,6 +10,7 @@ use deflex::program::jbi::take_speeds_in;
 use deflex::program::{Language, ModuleNames, Program, ReadOptions, detect, read};
 use deflex::report::Origin;
 use deflex::text::{Diagnostic, Severity, Source};
+use std::hash::{Hash, Hasher};
 use std::path::Path;
 
 /// How CL data are read without a cell: only for results that depend on neither units nor tools.
@@ -95,7 +96,7 @@ pub(crate) fn reread(
 ///
 /// let cell = CellFile::read("samples/slot/cell.toml".as_ref())?;
 /// assert!(cell.cell().arm.robot.model.starts_with("irb6660"));
-/// let same = CellFile::parse(cell.source().clone())?;
+/// assert_eq!(cell, CellFile::parse(cell.source().clone())?);
 /// # Ok::<(), deflex::text::Diagnostics>(())
 /// ```
 #[derive(Debug)]
@@ -106,6 +107,21 @@ pub struct CellFile {
     pub(crate) source: Source,
     /// The checked cell.
     pub(crate) cell: Cell,
+}
+
+/// Two cell files are equal if their names and texts are.
+impl PartialEq for CellFile {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.source.name, &self.source.bytes) == (&other.source.name, &other.source.bytes)
+    }
+}
+
+impl Eq for CellFile {}
+
+impl Hash for CellFile {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        (&self.source.name, &self.source.bytes).hash(state);
+    }
 }
 
 impl CellFile {
