@@ -1,7 +1,6 @@
 //! The fits to rows that were not in the search: those that were set aside are judged, and the held-out rows, when they
 //! have judged the answer, are evidence like the others.
 
-use super::candidate::Candidate;
 use super::differences::Reuse;
 use super::engine::Engine;
 use super::found::Posterior;
@@ -71,7 +70,7 @@ impl Engine {
         // A map names nothing and has no rivals.
         let named = |c: usize| self.candidates[c].law().is_none_or(|law| law.shape != Shape::Map);
         for (c, posterior) in posteriors.iter_mut().filter(|(c, _)| named(*c)) {
-            *posterior = search.rivals(&set, *c, &Candidate::is_named);
+            *posterior = search.rivals(&set, *c);
         }
         let score = search.full(&set);
         (self.sets, self.spread) = self.posterior_over_sets(&search, &linear, &set, (score.sigma, score.shape));

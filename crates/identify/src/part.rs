@@ -91,7 +91,7 @@ impl Engine {
             let set = search.best(&self.chosen, &|_: &Candidate| true);
             let score = search.full(&set);
             let effects = set.iter().filter(|&&c| !self.candidates[c].is_pattern());
-            best.posteriors = effects.map(|&c| (c, search.rivals(&set, c, &Candidate::is_named))).collect();
+            best.posteriors = effects.map(|&c| (c, search.rivals(&set, c))).collect();
             if round == 0 {
                 best.ranking = self.ranking(&search, &now);
             }

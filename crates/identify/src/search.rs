@@ -359,52 +359,31 @@ impl<'a> Search<'a> {
     }
 
     /// Posterior probability of a member against all that could replace it, and the probabilities of the kinds that
-    /// could, most likely first.
-    pub(super) fn rivals(
-        &self,
-        set: &[usize],
-        member: usize,
-        allowed: &dyn Fn(&Candidate) -> bool,
-    ) -> (f64, Vec<(String, f64)>) {
+    /// could, most likely first. A kind that contains the member's kind has an advantage of one nat of [`caution`],
+    /// because its additional numbers alone must not decide against it.
+    pub(super) fn rivals(&self, set: &[usize], member: usize) -> (f64, Vec<(String, f64)>) {
         let without: Vec<usize> = set.iter().copied().filter(|&c| c != member).collect();
         let (own, caution) = (self.objective_and_shape(set), self.caution());
-        let mut weights: BTreeMap<String, f64> = BTreeMap::new();
-        let mut total = 1.0;
         // `more` is an advantage in nats that the evidence does not have.
-        let share = |set: &[usize], more: f64| {
+        let weight = |set: &[usize], more: f64| {
             let far = self.is_far_below(own, set);
             if far { 0.0 } else { ((self.objective(set) + more - own.0) / caution).min(50.0).exp() }
         };
-        total += share(&without, 0.0);
+        let kind = &self.candidates[member].kind;
+        let in_place = |&c: &usize| (c == member || self.candidates[c].is_named()) && self.joins(&without, c);
+        let alone = (0..self.candidates.len()).filter(in_place).map(|c| (c, [&without[..], &[c]].concat()));
+        let with_faults = self.with_faults(&without, &|c| c != member);
+        let mut weights: BTreeMap<&String, f64> = BTreeMap::new();
         // The weights of the other variants of its kind count for the member.
-        let mut of_kind = 1.0;
-        for (c, candidate) in self.candidates.iter().enumerate() {
-            if c == member || !allowed(candidate) || !self.joins(&without, c) {
-                continue;
-            }
-            let set = [&without[..], &[c]].concat();
-            if candidate.kind == self.candidates[member].kind {
-                let weight = share(&set, 0.0);
-                of_kind += weight;
-                total += weight;
-                continue;
-            }
-            let nested = if contains(&candidate.kind, &self.candidates[member].kind) { caution } else { 0.0 };
-            let weight = share(&set, nested);
-            total += weight;
-            *weights.entry(candidate.kind.clone()).or_default() += weight;
+        for (c, set) in alone.chain(with_faults) {
+            let other = &self.candidates[c].kind;
+            let nested = if contains(other, kind) { caution } else { 0.0 };
+            *weights.entry(other).or_default() += weight(&set, nested);
         }
-        for (c, set) in self.with_faults(&without, &|c| c != member) {
-            let kind = &self.candidates[c].kind;
-            let weight = share(&set, 0.0);
-            total += weight;
-            if *kind == self.candidates[member].kind {
-                of_kind += weight;
-            } else {
-                *weights.entry(kind.clone()).or_default() += weight;
-            }
-        }
-        let mut rivals: Vec<(String, f64)> = weights.into_iter().map(|(kind, w)| (kind, w / total)).collect();
+        let total = weight(&without, 0.0) + weights.values().sum::<f64>();
+        let of_kind = weights.remove(kind).unwrap_or_default();
+        let mut rivals: Vec<(String, f64)> =
+            weights.into_iter().map(|(kind, weight)| (kind.clone(), weight / total)).collect();
         rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
         (of_kind / total, rivals)
     }

@@ -185,7 +185,7 @@ impl Simulation<'_> {
         if set.is_empty() || held_out(&left) > held_out(&data) {
             return Verdict::Open;
         }
-        let sure = |c: usize| search.rivals(&set, c, &Candidate::is_named).0 >= NAMED;
+        let sure = |c: usize| search.rivals(&set, c).0 >= NAMED;
         let (patterns, effects): (Vec<usize>, Vec<usize>) =
             set.iter().partition(|&&c| self.engine.candidates[c].is_pattern());
         let other = |&&c: &&usize| self.engine.candidates[c].kind != name;
