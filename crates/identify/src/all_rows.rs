@@ -74,5 +74,7 @@ impl Engine {
         }
         let score = search.full(&set);
         (self.sets, self.spread) = self.posterior_over_sets(&search, &linear, &set, (score.sigma, score.shape));
+        drop(linear);
+        self.weigh_springs(posteriors);
     }
 }

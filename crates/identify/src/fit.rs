@@ -24,6 +24,8 @@ const NEARBY: f64 = 0.1;
 /// Smallest reduction of the misfit by a step, for each scalar. Numbers that compensate one another drift along a
 /// valley of the misfit, with smaller gains.
 const LEAST_GAIN: f64 = 1e-6;
+/// Gain beyond its price, nats, that a member must have when the others are fitted again without it.
+const CLEARLY: f64 = 5.0;
 /// Largest number of changes to lookalikes in a fit.
 const MOST_LOOKALIKES: usize = 5;
 /// Smallest reduction of the misfit by a change to a lookalike.
@@ -196,6 +198,42 @@ impl Engine {
         let white = noise::whiten(&DMatrix::from_columns(&[left]), &series, self.shape).columns;
         let used = series.iter().flat_map(|s| s.samples.iter().map(|&(row, ..)| white[(row, 0)].powi(2)));
         used.sum::<f64>() / self.sigma_of_fit().powi(2) + prior
+    }
+
+    /// Removes the members without which the others, fitted again, have a larger objective or almost the same. The
+    /// search cannot find them: its evidence is linearised about the fit of the whole set, and nonlinear effects can
+    /// follow further. Returns whether it removes any.
+    pub(super) fn prune(&mut self) -> bool {
+        let mut any = false;
+        loop {
+            let named: Vec<usize> = self.chosen.iter().copied().filter(|&c| !self.candidates[c].is_pattern()).collect();
+            if named.len() < 2 {
+                return any;
+            }
+            let mut best = (self.objective_here() - CLEARLY, None);
+            for c in named {
+                let state = (self.candidates.clone(), self.chosen.clone());
+                self.choose(state.1.iter().copied().filter(|&o| o != c).collect());
+                let without = self.objective_here();
+                if without > best.0 {
+                    best = (without, Some(c));
+                }
+                (self.candidates, self.chosen) = state;
+            }
+            let Some(c) = best.1 else {
+                self.refit();
+                return any;
+            };
+            self.choose(self.chosen.iter().copied().filter(|&o| o != c).collect());
+            any = true;
+        }
+    }
+
+    /// The objective of the chosen set, linearised about its own fit, nats.
+    pub(super) fn objective_here(&mut self) -> f64 {
+        let chosen = self.chosen.clone();
+        let linear = self.linearise(&chosen, &[self.shape]);
+        Search::new(&self.candidates, &linear.moments, &linear.always).objective(&chosen)
     }
 }
 

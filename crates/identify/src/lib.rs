@@ -55,6 +55,7 @@ mod score;
 mod search;
 mod separability;
 mod smooth;
+mod springs;
 mod statistics;
 mod ties;
 mod transfer;

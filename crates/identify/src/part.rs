@@ -38,6 +38,9 @@ impl Engine {
         if let Some(members) = whole_arm.or_else(|| self.whole_arm_for_unlisted()) {
             posteriors = self.take_whole_arm(&members);
         } else {
+            self.prune();
+            posteriors.retain(|(c, _)| self.chosen.contains(c));
+            self.contest(&mut posteriors);
             self.add_fault();
         }
         // Under forces that did not act no effect can be trusted.
@@ -125,7 +128,7 @@ impl Engine {
             if new {
                 visited.clear();
             }
-            let settled = same && !new;
+            let settled = same && !new && !self.prune();
             if settled && field.is_none() {
                 break;
             }

@@ -154,12 +154,9 @@ impl<'a> Search<'a> {
         evidence
     }
 
-    /// The price of a set: the gain over the empty set that its members require, nats. Two laws of the springs together
-    /// can imitate other laws.
+    /// The price of a set: the gain over the empty set that its members require, nats.
     pub(super) fn prices(&self, set: &[usize]) -> f64 {
-        let laws = set.iter().filter(|&&c| self.candidates[c].family == SPRING).count();
-        let members: f64 = set.iter().map(|&c| self.price(c)).sum();
-        members + if laws > 1 { FLEXIBLE } else { 0.0 }
+        set.iter().map(|&c| self.price(c)).sum()
     }
 
     /// The price of a member, nats. It grows with the number of its variants, and is higher for candidates that can
@@ -356,6 +353,35 @@ impl<'a> Search<'a> {
         names.sort_unstable();
         names.dedup();
         names
+    }
+
+    /// For each allowed kind the best set in which it replaces `member`, alone or with a fault of the measurement, and
+    /// the objective of the set, nats. `without` is the set without the member. A kind that contains the member's kind
+    /// has an advantage of one nat of [`caution`], because its additional numbers alone must not decide against it.
+    pub(super) fn in_place_of(
+        &self,
+        member: usize,
+        without: &[usize],
+        allowed: &dyn Fn(&Candidate) -> bool,
+    ) -> BTreeMap<&str, (f64, Vec<usize>)> {
+        let own = &self.candidates[member].kind;
+        let joins = |c: &usize| {
+            let candidate = &self.candidates[*c];
+            candidate.is_named() && allowed(candidate) && self.joins(without, *c)
+        };
+        let alone = (0..self.candidates.len()).filter(joins).map(|c| (c, [without, &[c]].concat()));
+        let with_faults =
+            self.with_faults(without, &|c| self.candidates[c].is_pattern() || allowed(&self.candidates[c]));
+        let mut best: BTreeMap<&str, (f64, Vec<usize>)> = BTreeMap::new();
+        for (c, set) in alone.chain(with_faults) {
+            let kind = &self.candidates[c].kind[..];
+            let nested = if contains(kind, own) { self.caution() } else { 0.0 };
+            let value = self.objective(&set) + nested;
+            if best.get(kind).is_none_or(|(most, _)| value > *most) {
+                best.insert(kind, (value, set));
+            }
+        }
+        best
     }
 
     /// Posterior probability of a member against all that could replace it, and the probabilities of the kinds that
