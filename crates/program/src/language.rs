@@ -180,59 +180,22 @@ fn one_file(names: &[&str], each: impl Fn(&str) -> String) -> Vec<(String, Strin
     vec![("[controller] harmless".to_owned(), names.iter().map(|name| each(name)).collect())]
 }
 
-static RAPID: About = About {
-    word: "rapid",
-    name: "RAPID",
-    endings: &["mod", "sys", "prg", "modx", "sysx"],
-    maker: "ABB",
-    fault: ("rapid.motion", "write the numbers of the robtarget; a controller does not load this"),
-    comment: Some(b'!'),
-    comment_end: None,
-    waits: &[
-        "WAITTIME", "WAITUNTIL", "WAITDI", "WAITDO", "WAITGI", "WAITGO", "WAITAI", "WAITAO", "WAITSYNCTASK", "STOP",
-        "TPREADFK", "TPREADNUM", "UIMSGBOX",
-    ],
-    dwell: Dwell { word: "WAITTIME", before_number: Some("INPOS") },
-    robot_base: None,
-    prefixes: None,
-    are_names_numbers: false,
-    or_context: ", or give the module that declares it with --context",
-    start: "no MoveAbsJ, no `[robot] start_deg` and no suitable confdata says",
-    has_modules: true,
-    calls: None,
-    companion: None,
-    are_points_named: false,
-    states_load: true,
-    // RAPID reference manual, CirPathMode: `\PathFrame` is the default. An IRB 6640 turns so to 0.01° (logs `movec_30_car` and
-    // `movec_30_ori` in `realrobot` of github.com/hehonglu123/ABB_Primitive_Study).
-    arc_turn: ArcTurn::WithPath,
-    // RAPID reference manual, MoveC.
-    chooses_turn: true,
-    chooses_external: true,
-    skips_overlapping_blends: false,
-    declare: |names| {
-        let routines: String = names.iter().map(|name| format!("PROC {name}()\nENDPROC\n")).collect();
-        vec![("[controller] harmless".to_owned(), format!("MODULE deflex_harmless\n{routines}ENDMODULE\n"))]
-    },
-    turn: from_zyx_deg,
-    post: post::Statements::RAPID,
-};
-
-static CL: About = About {
-    word: "cl",
-    name: "CL/APT",
-    endings: &["cl", "cls", "clsf", "cldata", "cld", "apt", "aptsource", "ncl", "clt", "cutloc", "aptcl", "aut", "nci"],
+/// What holds for a language of which nothing else is said.
+const BASE: About = About {
+    word: "",
+    name: "",
+    endings: &[],
     maker: "",
-    fault: ("cl.motion", "give motion in numbers, as a CAM system writes it, or take the statement out"),
+    fault: ("", ""),
     comment: None,
     comment_end: None,
     waits: &[],
-    dwell: Dwell { word: "DELAY", before_number: None },
+    dwell: Dwell { word: "", before_number: None },
     robot_base: None,
     prefixes: None,
     are_names_numbers: false,
     or_context: "",
-    start: "CL data state no posture, and no `[robot] start_deg` says",
+    start: "",
     has_modules: false,
     calls: None,
     companion: None,
@@ -240,12 +203,50 @@ static CL: About = About {
     states_load: true,
     arc_turn: ArcTurn::Even,
     chooses_turn: false,
-    chooses_external: true,
+    chooses_external: false,
     skips_overlapping_blends: false,
-    // CL data call nothing.
     declare: |_| Vec::new(),
     turn: from_zyx_deg,
     post: post::Statements::RAPID,
+};
+
+static RAPID: About = About {
+    word: "rapid",
+    name: "RAPID",
+    endings: &["mod", "sys", "prg", "modx", "sysx"],
+    maker: "ABB",
+    fault: ("rapid.motion", "write the numbers of the robtarget; a controller does not load this"),
+    comment: Some(b'!'),
+    waits: &[
+        "WAITTIME", "WAITUNTIL", "WAITDI", "WAITDO", "WAITGI", "WAITGO", "WAITAI", "WAITAO", "WAITSYNCTASK", "STOP",
+        "TPREADFK", "TPREADNUM", "UIMSGBOX",
+    ],
+    dwell: Dwell { word: "WAITTIME", before_number: Some("INPOS") },
+    or_context: ", or give the module that declares it with --context",
+    start: "no MoveAbsJ, no `[robot] start_deg` and no suitable confdata says",
+    has_modules: true,
+    // RAPID reference manual, CirPathMode: `\PathFrame` is the default. An IRB 6640 turns so to 0.01° (logs `movec_30_car` and
+    // `movec_30_ori` in `realrobot` of github.com/hehonglu123/ABB_Primitive_Study).
+    arc_turn: ArcTurn::WithPath,
+    // RAPID reference manual, MoveC.
+    chooses_turn: true,
+    chooses_external: true,
+    declare: |names| {
+        let routines: String = names.iter().map(|name| format!("PROC {name}()\nENDPROC\n")).collect();
+        vec![("[controller] harmless".to_owned(), format!("MODULE deflex_harmless\n{routines}ENDMODULE\n"))]
+    },
+    ..BASE
+};
+
+static CL: About = About {
+    word: "cl",
+    name: "CL/APT",
+    endings: &["cl", "cls", "clsf", "cldata", "cld", "apt", "aptsource", "ncl", "clt", "cutloc", "aptcl", "aut", "nci"],
+    fault: ("cl.motion", "give motion in numbers, as a CAM system writes it, or take the statement out"),
+    dwell: Dwell { word: "DELAY", before_number: None },
+    start: "CL data state no posture, and no `[robot] start_deg` says",
+    chooses_external: true,
+    ..BASE
 };
 
 static KRL: About = About {
@@ -255,26 +256,16 @@ static KRL: About = About {
     maker: "KUKA",
     fault: ("krl.motion", "write the numbers of the position; a controller does not load this"),
     comment: Some(b';'),
-    comment_end: None,
     waits: &["WAIT", "HALT"],
     dwell: Dwell { word: "WAIT", before_number: Some("SEC") },
-    robot_base: None,
     prefixes: Some(["TOOL_DATA[", "BASE_DATA["]),
-    are_names_numbers: false,
     or_context: ", or give the file that sets it with --context",
     start: "no PTP to axis angles, no `[robot] start_deg` and no suitable S and T say",
     has_modules: true,
-    calls: None,
     companion: Some("dat"),
-    are_points_named: false,
-    states_load: true,
-    arc_turn: ArcTurn::Even,
-    chooses_turn: false,
-    chooses_external: false,
-    skips_overlapping_blends: false,
     declare: |names| one_file(names, |name| format!("GLOBAL DEF {name} ( )\nEND\n")),
-    turn: from_zyx_deg,
     post: post::krl::STATEMENTS,
+    ..BASE
 };
 
 static TP: About = About {
@@ -285,28 +276,20 @@ static TP: About = About {
     fault: ("ls.motion", "write the numbers of the position; a controller does not load this"),
     comment: Some(b'!'),
     comment_end: Some(b';'),
-    waits: &[],
     dwell: Dwell { word: "WAIT", before_number: None },
-    robot_base: None,
     prefixes: Some(["UT ", "UF "]),
     are_names_numbers: true,
-    or_context: "",
     start: "no joint position, no `[robot] start_deg` and no suitable CONFIG says",
-    has_modules: false,
     calls: Some(CallWords { own: "PROG", called: &["CALL", "RUN"] }),
-    companion: None,
     are_points_named: true,
     states_load: false,
-    arc_turn: ArcTurn::Even,
-    chooses_turn: false,
-    chooses_external: false,
-    skips_overlapping_blends: false,
     declare: |names| {
         let program = |name: &&str| ((*name).to_owned(), format!("/PROG {name}\n/ATTR\n/MN\n/POS\n/END\n"));
         names.iter().map(program).collect()
     },
     turn: |[w, p, r]| from_zyx_deg([r, p, w]),
     post: post::tp::STATEMENTS,
+    ..BASE
 };
 
 static UR: About = About {
@@ -316,26 +299,14 @@ static UR: About = About {
     maker: "Universal Robots",
     fault: ("ur.motion", "write the numbers of the pose; a controller does not run this"),
     comment: Some(b'#'),
-    comment_end: None,
-    waits: &[],
     dwell: Dwell { word: "sleep", before_number: None },
     robot_base: Some("base"),
-    prefixes: None,
-    are_names_numbers: false,
-    or_context: "",
     start: "no movej to axis angles, no `[robot] start_deg` and no qnear says",
-    has_modules: false,
-    calls: None,
-    companion: None,
-    are_points_named: false,
-    states_load: true,
-    arc_turn: ArcTurn::Even,
-    chooses_turn: false,
-    chooses_external: false,
     skips_overlapping_blends: true,
     declare: |names| one_file(names, |name| format!("def {name}():\nend\n")),
     turn: |[rx, ry, rz]| Rotation3::new([rx, ry, rz].into()),
     post: post::ur::STATEMENTS,
+    ..BASE
 };
 
 static JBI: About = About {
@@ -345,27 +316,18 @@ static JBI: About = About {
     maker: "Yaskawa",
     fault: ("jbi.motion", "write the numbers of the position; a controller does not load this"),
     comment: Some(b'\''),
-    comment_end: None,
-    waits: &[],
     dwell: Dwell { word: "TIMER", before_number: Some("T") },
     robot_base: Some(deflex_lang::inform::ROBOT),
     prefixes: Some(["TOOL ", "USER "]),
     are_names_numbers: true,
-    or_context: "",
     start: "INFORM jobs state axis angles in pulses, and no `[robot] start_deg` says",
-    has_modules: false,
     calls: Some(CallWords { own: "NAME", called: &["JOB"] }),
-    companion: None,
-    are_points_named: false,
-    states_load: true,
     // Assumed: every MOVC is a step of its own, which the robot reaches with the recorded orientation.
     arc_turn: ArcTurn::ThroughCirclePoint,
-    chooses_turn: false,
-    chooses_external: false,
-    skips_overlapping_blends: false,
     declare: |names| one_file(names, |name| format!("/JOB\n//NAME {name}\n//INST\nNOP\nEND\n")),
     turn: |[rx, ry, rz]| from_zyx_deg([rz, ry, rx]),
     post: post::jbi::STATEMENTS,
+    ..BASE
 };
 
 /// Options for reading programs.
