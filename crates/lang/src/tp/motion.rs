@@ -230,60 +230,30 @@ enum Meaning {
     Coordinated,
 }
 
-/// Words of motion options, upper case. Source: FANUC, R-30iB Operator's Manual (Basic Operation), motion instructions.
-const WORDS: [(&[u8], Meaning); 51] = [
-    (b"FINE", Meaning::Plain),
-    (b"FEIN", Meaning::Plain),
-    (b"CNT", Meaning::Plain),
-    (b"CR", Meaning::Plain),
-    (b"CD", Meaning::Plain),
-    (b"ACC", Meaning::Plain),
-    (b"WJNT", Meaning::Plain),
-    (b"PTH", Meaning::Plain),
-    (b"MROT", Meaning::Plain),
-    (b"BREAK", Meaning::Plain),
-    (b"CTV", Meaning::Plain),
-    (b"PSPD", Meaning::Plain),
-    (b"RT_LD", Meaning::Plain),
-    (b"AP_LD", Meaning::Plain),
-    (b"MAX_SPEED", Meaning::Plain),
-    (b"WELD_SPEED", Meaning::Plain),
-    (b"ARC", Meaning::Plain),
-    (b"START", Meaning::Plain),
-    (b"END", Meaning::Plain),
-    (b"SPOT", Meaning::Timed),
-    (b"PRESS_MOTN", Meaning::Timed),
-    (b"DO", Meaning::Plain),
-    (b"RO", Meaning::Plain),
-    (b"GO", Meaning::Plain),
-    (b"AO", Meaning::Plain),
-    (b"ON", Meaning::Plain),
-    (b"OFF", Meaning::Plain),
-    (b"TB", Meaning::Timed),
-    (b"TA", Meaning::Timed),
-    (b"DB", Meaning::Timed),
-    (b"DA", Meaning::Timed),
-    (b"ZEIT", Meaning::Timed),
-    (b"CALL", Meaning::Timed),
-    (b"AUFRUF", Meaning::Timed),
-    (b"POINT_LOGIC", Meaning::Timed),
-    (b"EV", Meaning::Moved(Reason::ExternalAxisSpeed)),
-    (b"IND", Meaning::Moved(Reason::ExternalAxisSpeed)),
-    (b"OFFSET", Meaning::Moved(Reason::MovedByRegister)),
-    (b"TOOL_OFFSET", Meaning::Moved(Reason::ToolMovedByRegister)),
-    (b"VOFFSET", Meaning::Moved(Reason::MovedByVision)),
-    (b"VR", Meaning::Moved(Reason::MovedByVision)),
-    (b"INC", Meaning::Moved(Reason::Increment)),
-    (b"COORD", Meaning::Coordinated),
-    (b"RTCP", Meaning::Moved(Reason::StationaryTool)),
-    (b"SEARCH", Meaning::Moved(Reason::Search)),
-    (b"WEAVE", Meaning::Moved(Reason::Weaving)),
-    (b"TRACK", Meaning::Moved(Reason::Tracking)),
-    (b"SKIP", Meaning::Skip),
-    (b"QUICK_SKIP", Meaning::Skip),
-    (b"SKIPJUMP", Meaning::Skip),
-    (b"HOP", Meaning::Plain),
-];
+/// The meaning of a word among motion options, upper case. Source: FANUC, R-30iB Operator's Manual (Basic Operation), motion
+/// instructions.
+fn meaning(word: &[u8]) -> Option<Meaning> {
+    Some(match word {
+        b"FINE" | b"FEIN" | b"CNT" | b"CR" | b"CD" | b"ACC" | b"WJNT" | b"PTH" | b"MROT" | b"BREAK" | b"CTV"
+        | b"PSPD" | b"RT_LD" | b"AP_LD" | b"MAX_SPEED" | b"WELD_SPEED" | b"ARC" | b"START" | b"END" | b"DO" | b"RO"
+        | b"GO" | b"AO" | b"ON" | b"OFF" | b"HOP" => Meaning::Plain,
+        b"SPOT" | b"PRESS_MOTN" | b"TB" | b"TA" | b"DB" | b"DA" | b"ZEIT" | b"CALL" | b"AUFRUF" | b"POINT_LOGIC" => {
+            Meaning::Timed
+        }
+        b"SKIP" | b"QUICK_SKIP" | b"SKIPJUMP" => Meaning::Skip,
+        b"COORD" => Meaning::Coordinated,
+        b"EV" | b"IND" => Meaning::Moved(Reason::ExternalAxisSpeed),
+        b"OFFSET" => Meaning::Moved(Reason::MovedByRegister),
+        b"TOOL_OFFSET" => Meaning::Moved(Reason::ToolMovedByRegister),
+        b"VOFFSET" | b"VR" => Meaning::Moved(Reason::MovedByVision),
+        b"INC" => Meaning::Moved(Reason::Increment),
+        b"RTCP" => Meaning::Moved(Reason::StationaryTool),
+        b"SEARCH" => Meaning::Moved(Reason::Search),
+        b"WEAVE" => Meaning::Moved(Reason::Weaving),
+        b"TRACK" => Meaning::Moved(Reason::Tracking),
+        _ => return None,
+    })
+}
 
 /// Reads the options after the speed.
 fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
@@ -308,11 +278,11 @@ fn modifiers<'a>(text: &'a [u8], motion: &mut Motion<'a>) {
             let (after, within) = brackets(after).map_or((after, None), |(after, within)| (after, Some(within)));
             let letters = name.iter().rposition(|b| !b.is_ascii_digit()).map_or(0, |last| last + 1);
             let upper = name[..letters].to_ascii_uppercase();
-            match WORDS.iter().find(|(known, _)| *known == upper).map(|(_, meaning)| meaning) {
+            match meaning(&upper) {
                 Some(Meaning::Plain) => {}
                 Some(Meaning::Moved(why)) => {
                     let is_first = motion.moved.is_none();
-                    motion.moves(*why);
+                    motion.moves(why);
                     let register = (spaced(tag(",")), tag_no_case("PR"), brackets).parse(after) as Parsed<'_, _>;
                     let register = register.ok().and_then(|(_, (_, _, within))| of_first_group(within)).map(index);
                     motion.offset = register.filter(|_| is_first);
