@@ -124,23 +124,26 @@ pub fn run(program: &Program, dialect: &dyn Dialect) -> Result<Outcome, TooLong>
 fn flow(program: &Program) -> Flow<&Statement, &Expression> {
     let mut flow = Flow::default();
     for function in &program.functions {
-        flow.add(|builder| function.body.iter().for_each(|statement| lay(builder, statement)));
+        flow.add(|builder| lay_all(builder, &function.body));
     }
     flow
 }
 
+fn lay_all<'a>(builder: &mut Builder<'a, &'a Statement, &'a Expression>, statements: &'a [Statement]) {
+    statements.iter().for_each(|statement| lay(builder, statement));
+}
+
 fn lay<'a>(builder: &mut Builder<'a, &'a Statement, &'a Expression>, statement: &'a Statement) {
     match &statement.kind {
-        StatementKind::If { arms, otherwise } => lay_arms(builder, arms, otherwise),
+        StatementKind::If { arms, otherwise } => {
+            let arms = arms.iter().map(|(condition, body)| (condition, &body[..]));
+            builder.choose(arms, otherwise, lay_all);
+        }
         StatementKind::Loop { condition, body } => {
             let always = |e: &&Expression| !matches!(e.kind, ExpressionKind::Truth(true));
-            builder.repeat(|builder| {
-                let lay_body =
-                    |builder: &mut Builder<'a, _, _>| body.iter().for_each(|statement| lay(builder, statement));
-                match condition.as_ref().filter(always) {
-                    Some(condition) => builder.branch(condition, lay_body, Builder::leave),
-                    None => lay_body(builder),
-                }
+            builder.repeat(|builder| match condition.as_ref().filter(always) {
+                Some(condition) => builder.branch(condition, |builder| lay_all(builder, body), Builder::leave),
+                None => lay_all(builder, body),
             });
         }
         StatementKind::Break => builder.leave(),
@@ -154,21 +157,6 @@ fn lay<'a>(builder: &mut Builder<'a, &'a Statement, &'a Expression>, statement: 
         | StatementKind::Evaluate(_)
         | StatementKind::Move(_)
         | StatementKind::Opaque { .. } => builder.step(statement),
-    }
-}
-
-fn lay_arms<'a>(
-    builder: &mut Builder<'a, &'a Statement, &'a Expression>,
-    arms: &'a [(Expression, Vec<Statement>)],
-    otherwise: &'a [Statement],
-) {
-    match arms.split_first() {
-        Some(((condition, body), rest)) => builder.branch(
-            condition,
-            |builder| body.iter().for_each(|statement| lay(builder, statement)),
-            |builder| lay_arms(builder, rest, otherwise),
-        ),
-        None => otherwise.iter().for_each(|statement| lay(builder, statement)),
     }
 }
 
