@@ -20,17 +20,6 @@ pub(crate) struct Layout {
     pub(super) cards: bool,
 }
 
-impl Layout {
-    /// Index of a frame, which is added if it is new.
-    pub(super) fn frame(&mut self, frame: Frame) -> u16 {
-        let at = self.frames.iter().position(|f| *f == frame).unwrap_or_else(|| {
-            self.frames.push(frame);
-            self.frames.len() - 1
-        });
-        u16::try_from(at).unwrap_or(u16::MAX)
-    }
-}
-
 /// The part of the text from which a target comes.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Slot {

@@ -8,6 +8,7 @@ use super::refusal::Outcome;
 use super::statement::Statement;
 use super::units::{one_unit, unit_further_down};
 use super::vector::{cross, scale};
+use crate::lowered::intern;
 use crate::{CutterInfo, Reason};
 
 impl Reader {
@@ -27,7 +28,7 @@ impl Reader {
         self.units = Some(mm);
         let now = self.layout.frames.get(self.frame as usize).copied();
         let frame = Frame { mm_per_unit: mm, ..now.unwrap_or(Frame::identity(mm)) };
-        self.frame = self.layout.frame(frame);
+        self.frame = intern(&mut self.layout.frames, frame);
     }
 
     pub(super) fn mm_per_unit(&self) -> f64 {
@@ -110,7 +111,7 @@ impl Reader {
             let mm = frame.mm_per_unit;
             let frame = if same_frame(&base, &frame) { Frame::identity(mm) } else { frame.seen_from(&base) };
             let before = self.frame;
-            self.frame = self.layout.frame(frame);
+            self.frame = intern(&mut self.layout.frames, frame);
             if self.frame != before {
                 self.modal.position = None;
                 self.modal.from = None;
