@@ -5,6 +5,7 @@
 
 use super::eval::Scope;
 use super::expression::{Arguments, Expression};
+use super::lasting::LastingStates;
 use super::literal::UNUSED_AXIS;
 use super::predefined::Instruction;
 use super::runner::{Mode, Runner};
@@ -100,8 +101,8 @@ impl<'a> Runner<'a> {
 
     /// The state after an instruction; unknown if something else may change it at any moment.
     fn only_here<T>(&self, left: Option<T>) -> Option<T> {
-        let others = self.others_switch().axes;
-        left.filter(|_| !others)
+        let others = self.others_set().common(LastingStates::AXES);
+        left.filter(|_| others == LastingStates::default())
     }
 
     /// The name of a mechanical unit: data of the system, which no module declares.

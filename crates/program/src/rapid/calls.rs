@@ -3,9 +3,10 @@
 use super::eval::Scope;
 use super::expression::{Arguments, Call, Expression, ExpressionKind};
 use super::known::RoutineId;
+use super::lasting::LastingStates;
 use super::parameters::Bound;
 use super::runner::{Frame, Mode, Runner};
-use super::state::{Stands, State, Switches};
+use super::state::{Stands, State};
 use super::symbols::Upper;
 use super::tree::{Param, Statement, statements};
 use super::value::Value;
@@ -299,7 +300,7 @@ impl<'a> Runner<'a> {
             self.numbers.pin_value(&value);
             self.forget_argument(scope, argument, Reason::Foreign);
         }
-        self.state.modal.lose(Switches::FOREIGN);
+        self.state.modal.lose(LastingStates::FOREIGN);
     }
 
     /// Makes everything unknown that a routine changes which is not followed; the reason names the kind of routine.
@@ -309,7 +310,7 @@ impl<'a> Runner<'a> {
         let own = changes.own.clone();
         let here = super::known::Changes { own: Default::default(), ..changes };
         self.forget(&here, reason);
-        self.state.modal.lose(here.switches);
+        self.state.modal.lose(here.states);
         if here.end_cycle {
             self.ends_cycle();
         }

@@ -2,10 +2,9 @@
 
 use super::expression::{Arguments, Call, Expression, ExpressionKind};
 use super::known::{Changes, Known, RoutineId};
-use super::lasting::LastingStates;
+use super::lasting::{Lasting, LastingStates};
 use super::motion::{self, Shape};
 use super::predefined::{self, Function, Instruction};
-use super::state::Switches;
 use super::symbols::{Content, Symbols, Upper};
 use super::tree::{Param, RoutineKind, Statement, StatementKind, Storage, statements};
 use crate::Reason;
@@ -47,7 +46,7 @@ struct Direct {
 impl Changes {
     /// The possible changes of an unknown routine.
     pub(super) fn anything() -> Self {
-        Self { anything: true, switches: Switches::FOREIGN, ..Self::default() }
+        Self { anything: true, states: LastingStates::FOREIGN, ..Self::default() }
     }
 
     fn add(&mut self, found: &NameMeaning) {
@@ -64,14 +63,14 @@ impl Changes {
         self.data.extend(&callee.data);
         self.foreign.extend(callee.foreign.iter().cloned());
         self.anything |= callee.anything;
-        self.switches |= callee.switches;
+        self.states = self.states.union(callee.states);
         self.sets = self.sets.union(callee.sets);
         self.end_cycle |= callee.end_cycle;
         before != (self.data.len(), self.own.len(), self.foreign.len(), self.flags())
     }
 
-    fn flags(&self) -> (bool, Switches, LastingStates, bool) {
-        (self.anything, self.switches, self.sets, self.end_cycle)
+    fn flags(&self) -> (bool, [LastingStates; 2], bool) {
+        (self.anything, [self.states, self.sets], self.end_cycle)
     }
 }
 
@@ -159,7 +158,7 @@ impl<'a> Symbols<'a> {
         everything.extend(&assigned);
         if at_any_moment.anything {
             at_any_moment.data.extend(&everything);
-            at_any_moment.switches |= Switches::FOREIGN;
+            at_any_moment.states = at_any_moment.states.union(LastingStates::FOREIGN);
         }
         for id in &ids {
             self.foreign_assigned.extend(routines[id].foreign.iter().cloned());
@@ -271,7 +270,7 @@ impl<'s, 'a> Scan<'s, 'a> {
                     self.out.anything_later |=
                         self.symbols.find_routine(self.symbols.module_of(self.id), trap).is_none();
                 }
-                StatementKind::Mark(_) => self.out.changes.switches.marks = true,
+                StatementKind::Mark(_) => self.out.changes.states.insert(Lasting::Mark),
                 StatementKind::Exit => self.out.changes.end_cycle = true,
                 _ => {}
             }
@@ -359,8 +358,12 @@ impl<'s, 'a> Scan<'s, 'a> {
 
     fn unknown(&mut self, arguments: &Arguments) {
         self.out.changes.anything = true;
-        self.out.changes.switches |= Switches::FOREIGN;
+        self.may_set(LastingStates::FOREIGN);
         arguments.given().for_each(|argument| self.change(argument));
+    }
+
+    fn may_set(&mut self, states: LastingStates) {
+        self.out.changes.states = self.out.changes.states.union(states);
     }
 
     fn instruction(&mut self, name: &[u8], arguments: &Arguments) {
@@ -380,12 +383,14 @@ impl<'s, 'a> Scan<'s, 'a> {
             Some(Instruction::Options | Instruction::Waits) => {
                 arguments.optional_values().for_each(|argument| self.change(argument))
             }
-            Some(Instruction::DisplacementOn) => self.out.changes.switches.displacement = true,
-            Some(Instruction::SoftOn) => self.out.changes.switches.soft = true,
-            Some(Instruction::Load) => self.out.changes.switches.load = true,
-            Some(Instruction::Velocity) => self.out.changes.switches.velocity = true,
-            Some(Instruction::ArcMode) => self.out.changes.switches.arcs = true,
-            Some(Instruction::Configuration) => self.out.changes.switches.nearest = true,
+            Some(Instruction::Load) => self.out.changes.states.insert(Lasting::Load),
+            Some(
+                set @ (Instruction::DisplacementOn
+                | Instruction::SoftOn
+                | Instruction::Velocity
+                | Instruction::ArcMode
+                | Instruction::Configuration),
+            ) => set.lasting().into_iter().for_each(|state| self.out.changes.states.insert(state)),
             Some(Instruction::Ends) => self.out.changes.end_cycle = true,
             Some(
                 Instruction::AxisOffsetSet
@@ -393,7 +398,7 @@ impl<'s, 'a> Scan<'s, 'a> {
                 | Instruction::UnitOn
                 | Instruction::UnitOff
                 | Instruction::MovesAxes,
-            ) => self.out.changes.switches.axes = true,
+            ) => self.may_set(LastingStates::AXES),
             Some(Instruction::DataByName) => {
                 let text = arguments.positional.first().map(|text| &self.bytes[text.span.range()]);
                 let literal = text.and_then(|text| text.strip_prefix(b"\"")?.strip_suffix(b"\""));

@@ -2,7 +2,7 @@
 
 use super::expression::Expression;
 use super::known::RoutineId;
-use super::lasting::LastingStates;
+use super::lasting::{Lasting, LastingStates};
 use super::runner::{Mode, Runner};
 use super::state::{Begun, ModalState};
 use super::symbols::{Content, Upper};
@@ -77,8 +77,8 @@ impl Runner<'_> {
                 self.tell_cycle(usize::from(data.source), declared.statement, &message);
             }
         }
-        for state in set.common(expected).common(left).iter() {
-            let message = format!("at the end of `main`, {} may not be as its first motions expect", state.what());
+        for name in set.common(expected).common(left).iter().filter_map(Lasting::what) {
+            let message = format!("at the end of `main`, {name} may not be as its first motions expect");
             self.tell_cycle(main.file, self.symbols.routine(main).name, &message);
         }
     }
@@ -93,8 +93,9 @@ impl Runner<'_> {
         for other in entries.iter().copied().filter(|other| *other != id) {
             let changes = self.symbols.changed_by(other);
             used.extend(named.intersection(&changes.data).map(|at| (*at, other)));
-            let states = changes.switches.lasting().without(own.switches.lasting());
-            changed.extend(states.iter().map(|state| (format!("{} as at the start", state.what()), other)));
+            let states = changes.states.without(own.states);
+            let names = states.iter().filter_map(Lasting::what);
+            changed.extend(names.map(|name| (format!("{name} as at the start"), other)));
         }
         // All other data that the program assigns are unknown where a routine begins.
         used.retain(|(at, _)| has_frames(&self.initial(*at)));

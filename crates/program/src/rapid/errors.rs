@@ -67,7 +67,7 @@ impl<'a> Runner<'a> {
         }
         let changes = self.symbols.changed_in(id, routine.on_error());
         self.forget(&changes, Reason::ByErrorHandler);
-        self.state.modal.lose(changes.switches);
+        self.state.modal.lose(changes.states);
         if changes.end_cycle {
             self.ends_cycle();
         }

@@ -2,9 +2,10 @@
 
 use super::eval::Scope;
 use super::expression::{Arguments, Call, Expression, ExpressionKind};
+use super::lasting::LastingStates;
 use super::predefined::{self, Instruction};
 use super::runner::Runner;
-use super::state::{ArcMode, OnOff, Stands, Switches, Velocity};
+use super::state::{ArcMode, OnOff, Stands, Velocity};
 use super::symbols::Upper;
 use super::value::Value;
 use crate::{ArcTurn, Reason};
@@ -75,32 +76,32 @@ impl<'a> Runner<'a> {
                     self.hold_where_it_stands();
                 }
                 self.state.modal.displacement = OnOff::On;
-                self.state.modal.lose(self.others_switch());
+                self.state.modal.lose(self.others_set());
             }
             Instruction::DisplacementOff => {
                 self.state.modal.displacement = OnOff::Off;
-                self.state.modal.lose(self.others_switch());
+                self.state.modal.lose(self.others_set());
             }
             Instruction::SoftOn | Instruction::SoftOff => {
                 self.state.modal.soft = if known == Instruction::SoftOn { OnOff::On } else { OnOff::Off };
-                self.state.modal.lose(self.others_switch());
+                self.state.modal.lose(self.others_set());
             }
             Instruction::Load => {
                 let none = arguments.positional.first().is_some_and(|load| self.is_no_load(scope, load));
                 self.state.modal.load = if none { OnOff::Off } else { OnOff::On };
-                self.state.modal.lose(self.others_switch());
+                self.state.modal.lose(self.others_set());
             }
             Instruction::Velocity => {
                 self.state.modal.velocity = self.velocity(scope, arguments);
-                self.state.modal.lose(self.others_switch());
+                self.state.modal.lose(self.others_set());
             }
             Instruction::ArcMode => {
                 self.state.modal.arcs = arc_mode(bytes, arguments);
-                self.state.modal.lose(self.others_switch());
+                self.state.modal.lose(self.others_set());
             }
             Instruction::Configuration => {
                 self.state.modal.nearest = if arguments.has(bytes, b"Off") { OnOff::On } else { OnOff::Off };
-                self.state.modal.lose(self.others_switch());
+                self.state.modal.lose(self.others_set());
             }
             Instruction::AxisOffsetSet
             | Instruction::AxisOffsetOn
@@ -160,9 +161,9 @@ impl<'a> Runner<'a> {
         self.state.standing.clear();
     }
 
-    /// The state that traps and handlers may switch at any moment.
-    pub(super) fn others_switch(&self) -> Switches {
-        Switches { marks: false, ..self.symbols.known.at_any_moment.switches }
+    /// The states that traps and handlers may change at any moment.
+    pub(super) fn others_set(&self) -> LastingStates {
+        self.symbols.known.at_any_moment.states.without(LastingStates::MARK)
     }
 
     /// The factor and limit on programmed speeds after `VelSet`; `None` if its numbers are unknown, and after `SpeedRefresh`.

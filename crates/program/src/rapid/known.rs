@@ -1,7 +1,6 @@
 //! The data and states that routines change, as found by `changes`.
 
 use super::lasting::LastingStates;
-use super::state::Switches;
 use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap};
 use std::rc::Rc;
@@ -27,8 +26,8 @@ pub(super) struct Changes {
     pub(super) foreign: BTreeSet<Name>,
     /// Everything that a routine outside the files could change.
     pub(super) anything: bool,
-    /// States, in addition to data, that they may switch.
-    pub(super) switches: Switches,
+    /// Lasting states, in addition to data, that they may change.
+    pub(super) states: LastingStates,
     /// The lasting states that their instructions set, without those that a routine outside the files could set.
     pub(super) sets: LastingStates,
     /// The cycle may end in them.

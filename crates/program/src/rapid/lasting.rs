@@ -1,4 +1,4 @@
-//! States that an instruction leaves in force up to the next one, also for the next cycle.
+//! States that an instruction or a mark leaves in force up to the next one, also for the next cycle.
 
 /// Such a state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,10 +10,12 @@ pub(super) enum Lasting {
     Speed,
     Arcs,
     Configuration,
+    Load,
+    Mark,
 }
 
 impl Lasting {
-    const ALL: [Self; 7] = [
+    const ALL: [Self; 9] = [
         Self::Displacement,
         Self::AxisOffset,
         Self::Units,
@@ -21,11 +23,13 @@ impl Lasting {
         Self::Speed,
         Self::Arcs,
         Self::Configuration,
+        Self::Load,
+        Self::Mark,
     ];
 
-    /// Its name in messages.
-    pub(super) fn what(self) -> &'static str {
-        match self {
+    /// Its name in messages about what one cycle or routine leaves to another; `None` where there are none.
+    pub(super) fn what(self) -> Option<&'static str> {
+        Some(match self {
             Self::Displacement => "program displacement",
             Self::AxisOffset => "the offset of external axes",
             Self::Units => "the set of active mechanical units",
@@ -33,15 +37,22 @@ impl Lasting {
             Self::Speed => "`VelSet`",
             Self::Arcs => "`CirPathMode`",
             Self::Configuration => "`ConfJ`",
-        }
+            Self::Load | Self::Mark => return None,
+        })
     }
 }
 
 /// A set of such states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct LastingStates(u8);
+pub(super) struct LastingStates(u16);
 
 impl LastingStates {
+    /// The state of the external axes.
+    pub(super) const AXES: Self = Self(1 << Lasting::AxisOffset as u16 | 1 << Lasting::Units as u16);
+    pub(super) const MARK: Self = Self(1 << Lasting::Mark as u16);
+    /// Those that an unknown routine may set; it is assumed to leave speeds, soft servo, loads, turns on arcs and `ConfJ` alone.
+    pub(super) const FOREIGN: Self = Self(1 << Lasting::Displacement as u16 | Self::AXES.0);
+
     pub(super) fn all() -> Self {
         Self::of(|_| true)
     }
@@ -54,11 +65,11 @@ impl LastingStates {
     }
 
     pub(super) fn insert(&mut self, state: Lasting) {
-        self.0 |= 1 << state as u8;
+        self.0 |= 1 << state as u16;
     }
 
     pub(super) fn remove(&mut self, state: Lasting) {
-        self.0 &= !(1 << state as u8);
+        self.0 &= !(1 << state as u16);
     }
 
     pub(super) fn union(self, other: Self) -> Self {
@@ -76,6 +87,6 @@ impl LastingStates {
     }
 
     pub(super) fn iter(self) -> impl Iterator<Item = Lasting> {
-        Lasting::ALL.into_iter().filter(move |state| self.0 & (1 << *state as u8) != 0)
+        Lasting::ALL.into_iter().filter(move |state| self.0 & (1 << *state as u16) != 0)
     }
 }

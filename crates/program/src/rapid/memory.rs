@@ -4,7 +4,7 @@ use super::expression::Expression;
 use super::known::Changes;
 use super::literal::Written;
 use super::runner::Runner;
-use super::state::{ModalState, Stands, State, Switches};
+use super::state::{ModalState, Stands, State};
 use super::symbols::{Content, Upper};
 use super::value::{Pose, Value};
 use crate::Reason;
@@ -59,7 +59,7 @@ impl Runner<'_> {
     /// The state in which an operator may start the program: data have the values of the text.
     pub(super) fn begin(&mut self) {
         let mut modal = ModalState { mark: self.mark_at_start, ..ModalState::default() };
-        modal.lose(Switches { marks: false, ..self.symbols.known.at_any_moment.switches });
+        modal.lose(self.others_set());
         self.state = State { modal, version: self.next_version(), ..State::default() };
     }
 

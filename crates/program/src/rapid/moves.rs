@@ -5,9 +5,10 @@ use super::changes::is_synchronised;
 use super::eval::Scope;
 use super::expression::{Arguments, Call, Expression, ExpressionKind};
 use super::known::Changes;
+use super::lasting::LastingStates;
 use super::motion::{Shape, ToolAt, Zone};
 use super::runner::Runner;
-use super::state::{ArcMode, OnOff, Standing, Stands, Switches};
+use super::state::{ArcMode, OnOff, Standing, Stands};
 use super::symbols::{Upper, Variable};
 use super::tree::Param;
 use super::value::{Pose, Value, unit};
@@ -134,9 +135,9 @@ impl<'a> Runner<'a> {
             self.symbols.variables[*at].volatile.get_or_insert(Reason::BySynchronisedProcedure);
         }
         let at_any_moment = &mut self.symbols.known.at_any_moment;
-        at_any_moment.switches |= changes.switches;
+        at_any_moment.states = at_any_moment.states.union(changes.states);
         at_any_moment.end_cycle |= changes.end_cycle;
-        self.state.modal.lose(Switches { marks: false, ..changes.switches });
+        self.state.modal.lose(changes.states.without(LastingStates::MARK));
     }
 
     /// Tool and work object of a motion, or the reason for which they are unknown.

@@ -1,11 +1,10 @@
-//! The modal state: everything except data that instructions leave in force, and the parts that statements may switch.
+//! The modal state: everything except data that instructions leave in force.
 
 use super::lasting::{Lasting, LastingStates};
 use super::value::Value;
 use super::values::Values;
 use crate::{ArcTurn, EXTERNAL_AXES, External, Mark, Reason};
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::BitOrAssign;
 
 /// Whether a mode is switched on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -211,98 +210,25 @@ impl ModalState {
             Lasting::Speed => self.velocity != other.velocity,
             Lasting::Arcs => self.arcs != other.arcs,
             Lasting::Configuration => self.nearest != other.nearest,
+            Lasting::Load => self.load != other.load,
+            Lasting::Mark => self.mark != other.mark || self.mark_unknown,
         })
     }
 
-    /// Makes unknown the parts that may be switched.
-    pub(super) fn lose(&mut self, switches: Switches) {
-        let Switches { displacement, axes, marks, soft, load, velocity, arcs, nearest } = switches;
-        if displacement {
-            self.displacement = OnOff::Unknown;
+    /// Makes states unknown that may be set.
+    pub(super) fn lose(&mut self, states: LastingStates) {
+        for state in states.iter() {
+            match state {
+                Lasting::Displacement => self.displacement = OnOff::Unknown,
+                Lasting::AxisOffset | Lasting::Units => self.axes = Axes::UNKNOWN,
+                Lasting::Softness => self.soft = OnOff::Unknown,
+                Lasting::Speed => self.velocity = None,
+                Lasting::Arcs => self.arcs = ArcMode::Unknown,
+                Lasting::Configuration => self.nearest = OnOff::Unknown,
+                Lasting::Load => self.load = OnOff::Unknown,
+                Lasting::Mark => self.mark_unknown = true,
+            }
         }
-        if axes {
-            self.axes = Axes::UNKNOWN;
-        }
-        if soft {
-            self.soft = OnOff::Unknown;
-        }
-        if load {
-            self.load = OnOff::Unknown;
-        }
-        if velocity {
-            self.velocity = None;
-        }
-        if arcs {
-            self.arcs = ArcMode::Unknown;
-        }
-        if nearest {
-            self.nearest = OnOff::Unknown;
-        }
-        self.mark_unknown |= marks;
-    }
-}
-
-/// The parts of the modal state that some statements may switch.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Switches {
-    /// Program displacement may be switched on.
-    pub(super) displacement: bool,
-    /// Offsets of external axes may be changed, or mechanical units activated.
-    pub(super) axes: bool,
-    /// A mark `! deflex …` is among the statements.
-    pub(super) marks: bool,
-    /// Axes may be made to yield.
-    pub(super) soft: bool,
-    /// Another load may be gripped.
-    pub(super) load: bool,
-    /// Programmed speeds may change.
-    pub(super) velocity: bool,
-    /// How the tool turns on arcs may change.
-    pub(super) arcs: bool,
-    /// The configuration of joint motions may become the nearest one.
-    pub(super) nearest: bool,
-}
-
-impl Switches {
-    pub(super) const NONE: Self = Self {
-        displacement: false,
-        axes: false,
-        marks: false,
-        soft: false,
-        load: false,
-        velocity: false,
-        arcs: false,
-        nearest: false,
-    };
-    /// The parts that an unknown routine may switch; it is assumed to leave speeds, soft servo, loads, turns on arcs and `ConfJ` alone.
-    pub(super) const FOREIGN: Self = Self { displacement: true, axes: true, ..Self::NONE };
-}
-
-impl Switches {
-    /// The lasting states that may be switched.
-    pub(super) fn lasting(self) -> LastingStates {
-        LastingStates::of(|state| match state {
-            Lasting::Displacement => self.displacement,
-            Lasting::AxisOffset | Lasting::Units => self.axes,
-            Lasting::Softness => self.soft,
-            Lasting::Speed => self.velocity,
-            Lasting::Arcs => self.arcs,
-            Lasting::Configuration => self.nearest,
-        })
-    }
-}
-
-impl BitOrAssign for Switches {
-    fn bitor_assign(&mut self, other: Self) {
-        let Self { displacement, axes, marks, soft, load, velocity, arcs, nearest } = other;
-        self.displacement |= displacement;
-        self.axes |= axes;
-        self.marks |= marks;
-        self.soft |= soft;
-        self.load |= load;
-        self.velocity |= velocity;
-        self.arcs |= arcs;
-        self.nearest |= nearest;
     }
 }
 

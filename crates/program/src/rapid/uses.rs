@@ -177,7 +177,7 @@ impl<'a> Runner<'a> {
         }
         self.state.modal = ModalState { mark: self.state.modal.mark, ..ModalState::default() };
         self.state.modal.axes.lose_positions();
-        self.state.modal.lose(changes.switches);
+        self.state.modal.lose(changes.states);
     }
 
     /// The routines that also run at a moment, or from a caller, that the run of the program does not follow.
