@@ -4,7 +4,7 @@
 //! new numbers of the text follow from them as for a program that is held as a whole, and each chunk receives them.
 
 use super::rewrite::{Settled, rewrite_agreed};
-use super::value::OffsetStep;
+use super::value::{Number, OffsetStep};
 use super::writer::{Print, Writer};
 use super::{Layout, TargetInText};
 use crate::shared::{goes_along, is_free};
@@ -144,12 +144,10 @@ impl WantedValues {
                 }
             }
         }
-        let offsets =
-            layout.offsets.iter().map(|offset| super::Offset { root: offset.root, steps: offset.steps.clone() });
         let all_runs = Layout {
             literals: Arc::clone(&layout.literals),
             sites,
-            offsets: offsets.collect(),
+            offsets: layout.offsets.clone(),
             standing: Arc::clone(&layout.standing),
             joints_elsewhere: layout.joints_elsewhere.clone(),
             ..Layout::default()
@@ -233,7 +231,7 @@ impl Agreed {
                 (TargetInText::Literal { literal, .. }, Editable::Pose) => {
                     let Some(change) = change else { continue };
                     let print = || writer.print(i, &layout.literals[literal as usize], change);
-                    if self.settled.frozen.contains(&literal) {
+                    if self.settled.frozen.contains(&Number::Literal(literal)) {
                         differs(writer).then_some(Reason::MovesKept)
                     } else if self.settled.disputed.contains(&literal) {
                         (print() != Print::default()).then_some(Reason::SharedTarget)

@@ -117,7 +117,7 @@ impl Runner<'_> {
     /// Data that the statements of a routine, and of those that it calls, name.
     fn data_named_in(&self, id: RoutineId) -> BTreeSet<usize> {
         let mut data = BTreeSet::new();
-        for id in self.reached_from(id) {
+        for id in self.reached_from([id].into()) {
             let (bytes, module) = (self.bytes(id.file), self.symbols.module_of(id));
             for statement in statements(&self.symbols.routine(id).body) {
                 statement.each(&mut |part: &Expression| {

@@ -41,7 +41,7 @@ impl Runner<'_> {
                 |own: usize| matches!(&self.symbols.variables[own].content, Content::Part(part) if part.of == at);
             let holds = frame.names.iter().filter(|(_, own)| **own == at || is_part(**own));
             let given = &mut self.numbers.given;
-            holds.for_each(|(name, _)| given.entry((frame.routine, name.clone())).or_default().add(pose));
+            holds.for_each(|(name, _)| given.entry((frame.routine, name.clone())).or_default().extend(pose.numbers()));
         }
     }
 

@@ -178,14 +178,8 @@ impl FrontEnd for Layout {
     }
 
     fn bound_to_point(&self, _: &Program) -> Vec<usize> {
-        let is_bound = |site: &TargetInText| match site {
-            TargetInText::None => false,
-            TargetInText::Literal { literal, .. } => {
-                self.bound_to_point.contains(literal) || self.joints_elsewhere.contains(literal)
-            }
-            TargetInText::Offset(at) => self.bound_to_point.contains(&self.offsets[*at as usize].root),
-        };
-        (0..self.sites.len()).filter(|i| is_bound(&self.sites[*i])).collect()
+        let is_bound = |i: &usize| self.root(*i).is_some_and(|root| self.bound_to_point.contains(&root));
+        (0..self.sites.len()).filter(|i| is_bound(i) || self.is_joint_elsewhere(*i)).collect()
     }
 
     fn motion_targets(&self, _: &Program) -> usize {
@@ -221,6 +215,17 @@ enum TargetInText {
     Offset(u32),
 }
 
+impl TargetInText {
+    /// The literal from which the target is made.
+    fn root(&self, offsets: &[Offset]) -> Option<u32> {
+        match self {
+            Self::None => None,
+            Self::Literal { literal, .. } => Some(*literal),
+            Self::Offset(at) => Some(offsets[*at as usize].root),
+        }
+    }
+}
+
 /// How an instruction gives a literal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Given {
@@ -233,7 +238,7 @@ enum Given {
 }
 
 /// A target made from a literal by `Offs` and `RelTool`, innermost first; the outermost carries the edit.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Offset {
     root: u32,
     steps: Box<[OffsetStep]>,

@@ -3,6 +3,7 @@
 use super::runner::Runner;
 use super::state::Standing;
 use super::tree::{File, RoutineKind, StatementKind};
+use super::value::Number;
 use super::{Given, Layout, TargetInText};
 use crate::{Editable, Goal, Kept, Motion, Reason, Role, Target, Tool, UnknownMotion, Wobj};
 use deflex_lang::ir::SourceSpan;
@@ -122,8 +123,8 @@ impl Runner<'_> {
         let of_kept = |(target, offset): (&Target, &Option<SourceSpan>)| {
             offset.filter(|_| matches!(target.editable, Editable::No(_)))
         };
-        let mut held: HashSet<SourceSpan> = self.found.targets.iter().zip(&offsets).filter_map(of_kept).collect();
-        held.extend(&self.numbers.held);
+        let held: HashSet<SourceSpan> = self.found.targets.iter().zip(&offsets).filter_map(of_kept).collect();
+        let is_held = |place: &SourceSpan| held.contains(place) || self.numbers.held.contains(&Number::Offset(*place));
         // A target that was changed before this motion no longer records the offset of this statement.
         let of_changed = |(target, site): (&Target, &TargetInText)| {
             let changed = matches!((site, target.editable), (TargetInText::None, Editable::No(_)));
@@ -136,7 +137,7 @@ impl Runner<'_> {
                 let within = target.span.start <= place.span.start && place.span.end <= target.span.end;
                 within && place.source == target.source && changed.contains(&(target.source, target.span.start))
             };
-            let shared = offset.is_some_and(|place| held.contains(&place) || of_statement(&place));
+            let shared = offset.is_some_and(|place| is_held(&place) || of_statement(&place));
             if shared && target.editable == Editable::Position {
                 target.editable = Editable::No(Reason::OffsetUsedElsewhere);
             }
@@ -155,7 +156,8 @@ impl Runner<'_> {
             }
         }
         for i in 0..self.found.targets.len() {
-            let pinned = self.found.root(&self.found.sites[i]).is_some_and(|r| self.numbers.pinned.contains(&r));
+            let root = self.found.root(&self.found.sites[i]).map(Number::Literal);
+            let pinned = root.is_some_and(|root| self.numbers.held.contains(&root));
             let target = &mut self.found.targets[i];
             if pinned && target.editable == Editable::Pose {
                 target.editable = Editable::No(Reason::DeclarationUsedElsewhere);
@@ -193,7 +195,7 @@ impl Runner<'_> {
             })
             && file.odd.is_empty()
             && self.counters.events == 0
-            && self.numbers.pinned.is_empty()
+            && !self.numbers.held.iter().any(|number| matches!(number, Number::Literal(_)))
             && self.found.unknown.is_empty()
             && self.counters.arcs == 0
             && self.found.sites.iter().all(literal)

@@ -133,7 +133,7 @@ impl<'a> Runner<'a> {
             if !routine.handlers.is_empty()
                 && let Value::Target(pose) = self.content(at)
             {
-                self.numbers.given.entry((id, Box::from(&*key))).or_default().add(&pose);
+                self.numbers.given.entry((id, Box::from(&*key))).or_default().extend(pose.numbers());
             }
             names.insert(Box::from(&*key), at);
         }

@@ -5,8 +5,9 @@ use super::expression::{Expression, ExpressionKind};
 use super::literal::Literal;
 use super::runner::{Found, Numbers};
 use super::tree::File;
-use super::value::{HeldNumber, HeldNumbers, Number, OffsetStep, Origins, Pose, Value};
+use super::value::{HeldNumber, Number, Pose, Value};
 use deflex_lang::ir::SourceSpan;
+use std::collections::HashSet;
 
 impl Numbers {
     pub(super) fn of(files: &[File]) -> Self {
@@ -36,7 +37,7 @@ impl Numbers {
     pub(super) fn pin_part(&mut self, source: u16, part: &Expression) {
         self.pin(self.literal_of(source, part));
         let is_number = matches!(part.kind, ExpressionKind::Number(_));
-        self.held.extend(is_number.then_some(SourceSpan { source, span: part.span }));
+        self.held.extend(is_number.then_some(Number::Offset(SourceSpan { source, span: part.span })));
     }
 
     /// Forbids edits of all robtargets and numbers in an expression.
@@ -58,19 +59,12 @@ impl Numbers {
 
     /// Forbids edits of a literal from which other values are made: they would move with it.
     pub(super) fn pin(&mut self, root: Option<u32>) {
-        self.pinned.extend(root);
+        self.held.extend(root.map(Number::Literal));
     }
 
     /// The same for a pose, with the offsets that make it.
     pub(super) fn pin_pose(&mut self, pose: &Pose) {
-        self.pin(pose.root);
-        self.held.extend(pose.steps.iter().filter_map(OffsetStep::place));
-    }
-
-    /// The same for everything from which some poses are made.
-    pub(super) fn pin_origins(&mut self, origins: &Origins) {
-        self.pinned.extend(&origins.literals);
-        self.held.extend(&origins.offsets);
+        self.held.extend(pose.numbers());
     }
 
     /// Records that a variable holds a robtarget. Only [`Self::reads`] forbids edits of it: where the
@@ -78,7 +72,7 @@ impl Numbers {
     pub(super) fn holds(&mut self, variable: usize, pose: &Pose) {
         match self.read.contains(&variable) {
             true => self.pin_pose(pose),
-            false => self.origins.entry(variable).or_default().add(pose),
+            false => self.origins.entry(variable).or_default().extend(pose.numbers()),
         }
     }
 
@@ -88,7 +82,7 @@ impl Numbers {
         if self.read.insert(variable)
             && let Some(origins) = self.origins.remove(&variable)
         {
-            self.pin_origins(&origins);
+            self.held.extend(origins);
         }
     }
 
@@ -99,21 +93,14 @@ impl Numbers {
     }
 
     /// Takes out the numbers that must not be edited, so that those are seen that the next steps add.
-    pub(super) fn held(&mut self) -> HeldNumbers {
-        HeldNumbers { pinned: std::mem::take(&mut self.pinned), offsets: std::mem::take(&mut self.held) }
+    pub(super) fn held(&mut self) -> HashSet<Number> {
+        std::mem::take(&mut self.held)
     }
 
     /// Puts them back. Returns those that were added.
-    pub(super) fn held_again(&mut self, before: HeldNumbers) -> Vec<HeldNumber> {
-        let pinned = std::mem::replace(&mut self.pinned, before.pinned);
-        let offsets = std::mem::replace(&mut self.held, before.offsets);
-        let literals = pinned
-            .into_iter()
-            .map(|literal| HeldNumber { number: Number::Literal(literal), is_new: self.pinned.insert(literal) });
-        let mut all: Vec<HeldNumber> = literals.collect();
-        let is_new = |place: SourceSpan| HeldNumber { number: Number::Offset(place), is_new: self.held.insert(place) };
-        all.extend(offsets.into_iter().map(is_new));
-        all
+    pub(super) fn held_again(&mut self, before: HashSet<Number>) -> Vec<HeldNumber> {
+        let added = std::mem::replace(&mut self.held, before);
+        added.into_iter().map(|number| HeldNumber { number, is_new: self.held.insert(number) }).collect()
     }
 
     pub(super) fn pin_value(&mut self, value: &Value) {
@@ -131,11 +118,7 @@ impl Numbers {
 impl Found {
     /// The literal from which a target is made.
     pub(super) fn root(&self, site: &TargetInText) -> Option<u32> {
-        match site {
-            TargetInText::None => None,
-            TargetInText::Literal { literal, .. } => Some(*literal),
-            TargetInText::Offset(at) => Some(self.offsets[*at as usize].root),
-        }
+        site.root(&self.offsets)
     }
 
     /// The offset by which a target is edited, by its first number.

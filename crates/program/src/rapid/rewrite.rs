@@ -26,8 +26,8 @@ pub(super) struct Settled {
     /// Literals of targets that get a declaration of their own.
     pub(super) cloned: HashMap<usize, Print>,
     pub(super) offsets: NewOffsets,
-    /// Literals that stay because another target depends on them.
-    pub(super) frozen: BTreeSet<u32>,
+    /// Numbers that stay because another target depends on them.
+    pub(super) frozen: HashSet<Number>,
     /// Literals whose users ask for different numbers.
     pub(super) disputed: BTreeSet<u32>,
     /// Numbers of motions that are not free to go along with them.
@@ -55,25 +55,15 @@ impl Settled {
 
 impl Layout {
     /// The literal from which a target is made.
-    fn root(&self, i: usize) -> Option<u32> {
-        match self.sites[i] {
-            TargetInText::None => None,
-            TargetInText::Literal { literal, .. } => Some(literal),
-            TargetInText::Offset(at) => Some(self.offsets[at as usize].root),
-        }
+    pub(super) fn root(&self, i: usize) -> Option<u32> {
+        self.sites[i].root(&self.offsets)
     }
 
     /// The numbers of a target.
     pub(super) fn numbers(&self, i: usize) -> Numbers<Number> {
-        match self.sites[i] {
-            TargetInText::None => Numbers::new(),
-            TargetInText::Literal { literal, .. } => std::iter::once(Number::Literal(literal)).collect(),
-            TargetInText::Offset(at) => {
-                let offset = &self.offsets[at as usize];
-                let steps = offset.steps.iter().filter_map(OffsetStep::place).map(Number::Offset);
-                std::iter::once(Number::Literal(offset.root)).chain(steps).collect()
-            }
-        }
+        let steps = self.offset(&self.sites[i]).into_iter().flat_map(|offset| &offset.steps);
+        let offsets = steps.filter_map(OffsetStep::place).map(Number::Offset);
+        self.root(i).map(Number::Literal).into_iter().chain(offsets).collect()
     }
 }
 
@@ -97,16 +87,16 @@ pub(super) fn rewrite_agreed(program: &Program, layout: &Layout, wanted: Wanted<
     let changes = &*changes;
     let mut writer = Writer { along, ..Writer::new(program, layout, wanted.options) };
     let stays = (0..changes.len()).filter(|i| wanted.options.stays.get(*i) == Some(&true));
-    writer.frozen.extend(stays.filter_map(|i| layout.root(i)));
+    writer.frozen.extend(stays.filter_map(|i| layout.root(i)).map(Number::Literal));
     let mut settled = Settled::default();
     // A target that stays must not move with another number, so that number stays too: repeat until nothing changes.
     while changes.iter().any(Option::is_some) {
-        let before = writer.frozen();
+        let before = writer.frozen.len();
         writer.start_over();
         settled = writer.literals(changes);
         settled.offsets = writer.offsets(changes, &settled.prints);
         writer.freeze(&settled.prints, &settled.offsets);
-        if writer.frozen() == before {
+        if writer.frozen.len() == before {
             break;
         }
     }
@@ -130,11 +120,6 @@ impl Writer<'_> {
         self.kept.clear();
     }
 
-    /// Number of literals and of offsets that stay because another target depends on them.
-    fn frozen(&self) -> (usize, usize) {
-        (self.frozen.len(), self.frozen_offsets.len())
-    }
-
     fn literal_of(&self, offset: &Offset) -> &'_ Literal {
         &self.layout.literals[offset.root as usize]
     }
@@ -152,13 +137,13 @@ impl Writer<'_> {
             let goes_by_it = targets[i].motion == Motion::Joint && targets[i].conf().is_some();
             let is_judged = self.along[i];
             if print.is_some_and(|print| stays || goes_by_it && !is_judged && print.changes_conf()) {
-                self.frozen.insert(offset.root);
+                self.frozen.insert(Number::Literal(offset.root));
             }
             if !stays {
                 continue;
             }
             let places = offset.steps.iter().filter_map(OffsetStep::place);
-            self.frozen_offsets.extend(places.filter(|place| is_edited(offsets, place)));
+            self.frozen.extend(places.filter(|place| is_edited(offsets, place)).map(Number::Offset));
         }
         for offset in &*self.layout.standing {
             // Motions of other kinds and at other moments go by the configuration and the external axes of the base.
@@ -168,7 +153,7 @@ impl Writer<'_> {
             };
             let print = prints.get(offset.root as usize).and_then(Option::as_ref);
             if print.is_some_and(|print| goes_by(print) || !is_held(offset)) {
-                self.frozen.insert(offset.root);
+                self.frozen.insert(Number::Literal(offset.root));
             }
         }
         for &i in &kept {
@@ -181,10 +166,10 @@ impl Writer<'_> {
                 continue;
             }
             match self.layout.sites[other] {
-                TargetInText::Literal { literal, .. } => drop(self.frozen.insert(literal)),
+                TargetInText::Literal { literal, .. } => drop(self.frozen.insert(Number::Literal(literal))),
                 TargetInText::Offset(at) => {
                     let last = self.layout.offsets[at as usize].steps.last();
-                    self.frozen_offsets.extend(last.and_then(|step| step.tokens).map(|tokens| tokens[0]));
+                    self.frozen.extend(last.and_then(OffsetStep::place).map(Number::Offset));
                 }
                 TargetInText::None => {}
             }
@@ -225,7 +210,7 @@ impl Writer<'_> {
                     continue;
                 }
             };
-            if self.frozen.contains(&literal) {
+            if self.frozen.contains(&Number::Literal(literal)) {
                 self.keep(i, change.as_ref(), |_| Reason::MovesKept);
                 continue;
             }
@@ -286,7 +271,7 @@ impl Writer<'_> {
             }
             self.agree(&mut wishes, tokens[0], wish.unwrap_or_default());
         }
-        wishes.retain(|place, _| !self.frozen_offsets.contains(place));
+        wishes.retain(|place, _| !self.frozen.contains(&Number::Offset(*place)));
         let mut done = HashSet::new();
         for (i, place, tokens) in users {
             match wishes.get(&place) {
@@ -330,8 +315,9 @@ impl Writer<'_> {
 
     /// Adds the tokens for which one user of an offset asks; an offset on which its users disagree stays.
     fn agree(&mut self, wishes: &mut NewOffsets, place: SourceSpan, wish: [Option<Token>; 3]) {
-        if !self.frozen_offsets.contains(&place) && *wishes.entry(place).or_insert_with(|| wish.clone()) != wish {
-            self.frozen_offsets.insert(place);
+        if !self.frozen.contains(&Number::Offset(place)) && *wishes.entry(place).or_insert_with(|| wish.clone()) != wish
+        {
+            self.frozen.insert(Number::Offset(place));
         }
     }
 

@@ -8,7 +8,7 @@ use super::state::{Begun, ModalState, Site, Standing, State};
 use super::steps::Routines;
 use super::symbols::{Names, Symbols};
 use super::tree::{File, While};
-use super::value::{HeldNumber, Number, Origins};
+use super::value::{HeldNumber, Number};
 use super::{Offset, TargetInText};
 use crate::kept::KeptStatements;
 use crate::{ExternalAxes, InactiveUnit, Mark, Target, Tool, UnknownMotion, Wobj};
@@ -225,18 +225,16 @@ pub(super) struct Numbers {
     pub(super) own: HashMap<SourceSpan, u32>,
     /// Those of which some run does not know the parts, or uses them where they cannot be edited.
     pub(super) unassembled: HashSet<SourceSpan>,
-    /// Literals that must not be edited.
-    pub(super) pinned: BTreeSet<u32>,
+    /// Those that must not be edited.
+    pub(super) held: HashSet<Number>,
     /// Data whose declarations are pinned, with the data from which these take their values.
     pub(super) pinned_data: BTreeSet<usize>,
-    /// Offsets that must not be edited, by their first number.
-    pub(super) held: HashSet<SourceSpan>,
     /// Robtargets that variables have held, by the number of the variable; without those of `read`.
-    pub(super) origins: HashMap<usize, Origins>,
+    pub(super) origins: HashMap<usize, HashSet<Number>>,
     /// Variables that were read where it is unknown which robtarget they hold.
     pub(super) read: HashSet<usize>,
     /// Robtargets that parameters and data of routines with handlers stood for, by routine and name.
-    pub(super) given: HashMap<(RoutineId, Box<[u8]>), Origins>,
+    pub(super) given: HashMap<(RoutineId, Box<[u8]>), HashSet<Number>>,
     /// Names of literals as motions spell them.
     pub(super) names: HashMap<u32, Arc<str>>,
 }

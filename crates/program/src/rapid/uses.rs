@@ -5,11 +5,11 @@ use super::expression::{Expression, ExpressionKind};
 use super::known::{Changes, RoutineId};
 use super::motion;
 use super::ran::{ArcAside, Step, Use, Way};
-use super::runner::{Mode, Reached, Runner};
+use super::runner::{Mode, Numbers, Reached, Runner};
 use super::state::{ModalState, OnOff, Standing, Stands};
 use super::symbols::Upper;
 use super::tree::{Data, RoutineKind, Statement, Storage, statements};
-use super::value::{HeldNumbers, Number, OffsetStep, Pose, axes_in_use};
+use super::value::{Number, OffsetStep, Pose, axes_in_use};
 use super::{Offset, TargetInText};
 use crate::{Editable, Goal, Mark, Motion, Predecessor, Reason, Role, Target};
 use deflex_lang::ir::SourceSpan;
@@ -50,8 +50,8 @@ impl<'a> Runner<'a> {
             return self.stand(Offset { root, steps: [step].into() });
         }
         if moves_along || is_fixed {
-            self.numbers.pinned.insert(root);
-            self.numbers.held.extend(offset);
+            self.numbers.pin(Some(root));
+            self.numbers.held.extend(offset.map(Number::Offset));
             return;
         }
         let (way, statement) = (Way::of(target), (target.source, target.span.start));
@@ -183,7 +183,7 @@ impl<'a> Runner<'a> {
     /// The routines that also run at a moment, or from a caller, that the run of the program does not follow.
     pub(super) fn runs_elsewhere(&self) -> RunsElsewhere {
         let mut unknown = self.symbols.known.aside.clone();
-        unknown.extend(self.reached_without_end());
+        unknown.extend(self.reached_from(self.reached.endless.clone()));
         // What a context file has, and does not belong to the program, is not followed.
         let is_followed = |id: &RoutineId| self.reached.entered.contains(id) || self.reached.entered_aside.contains(id);
         unknown.extend(self.symbols.all().filter(|id| id.file >= self.written && !is_followed(id)));
@@ -254,7 +254,7 @@ impl<'a> Runner<'a> {
                     names.extend(value.names());
                 }
                 if let Some(given) = self.numbers.given.remove(&(id, name)) {
-                    self.numbers.pin_origins(&given);
+                    self.numbers.held.extend(given);
                 }
             } else if let Some(at) = self.symbols.find_data(module, &name) {
                 self.pin_read(at);
@@ -320,12 +320,13 @@ impl<'a> Runner<'a> {
 
     /// Forbids edits of the base of such a target if its offset must not be edited.
     pub(super) fn hold_what_cannot_stand(&mut self) {
-        let held = |offset: &Offset| {
-            offset.steps.last().and_then(OffsetStep::place).is_none_or(|place| self.numbers.held.contains(&place))
+        let held = |offset: &&Offset| {
+            let place = offset.steps.last().and_then(OffsetStep::place);
+            place.is_none_or(|place| self.numbers.held.contains(&Number::Offset(place)))
         };
-        let pinned: Vec<u32> =
-            self.found.standing.iter().filter(|offset| held(offset)).map(|offset| offset.root).collect();
-        self.numbers.pinned.extend(pinned);
+        let bases = self.found.standing.iter().filter(held).map(|offset| Number::Literal(offset.root));
+        let bases: Vec<Number> = bases.collect();
+        self.numbers.held.extend(bases);
     }
 
     /// Files and starts of the statements in the bodies of routines.
@@ -338,20 +339,9 @@ impl<'a> Runner<'a> {
         routines.into_iter().flat_map(starts).collect()
     }
 
-    /// Procedures with endless recursion, and the procedures that they call.
-    fn reached_without_end(&self) -> BTreeSet<RoutineId> {
-        let mut reached = self.reached.endless.clone();
-        let mut waiting: Vec<RoutineId> = reached.iter().copied().collect();
-        while let Some(id) = waiting.pop() {
-            let calls = self.calls(id, &self.symbols.routine(id).body);
-            waiting.extend(calls.filter(|callee| reached.insert(*callee)));
-        }
-        reached
-    }
-
     /// Refuses the targets of routines with endless recursion.
     pub(super) fn refuse_what_calls_itself(&mut self) {
-        let places = self.starts_in(&self.reached_without_end());
+        let places = self.starts_in(&self.reached_from(self.reached.endless.clone()));
         for target in &mut self.found.targets {
             let inside = places.contains(&(target.source, target.span.start));
             if inside && !matches!(target.editable, Editable::No(_)) {
@@ -393,10 +383,10 @@ impl<'a> Runner<'a> {
             };
             let is_wanted = other.way.cuts == is_cut || !other.way.cuts && is_judged;
             if !ways.iter().all(is_alike) || !ways.is_empty() && !is_wanted {
-                self.numbers.pinned.insert(other.root);
-                self.numbers.held.extend(other.offset);
+                self.numbers.pin(Some(other.root));
+                self.numbers.held.extend(other.offset.map(Number::Offset));
             } else {
-                self.numbers.held.extend(other.offset.filter(|_| differs));
+                self.numbers.held.extend(other.offset.filter(|_| differs).map(Number::Offset));
                 let is_joint = is_cut && !other.way.cuts && other.offset.is_none();
                 self.found.joints_elsewhere.extend(is_joint.then_some(other.root));
             }
@@ -415,14 +405,14 @@ impl<'a> Runner<'a> {
         for arc in std::mem::take(&mut self.reached.arcs_aside) {
             if !arcs.contains(&arc.roots) {
                 let before = self.numbers.held();
-                self.numbers.pinned.extend(arc.roots.into_iter().flatten());
+                self.numbers.held.extend(arc.roots.into_iter().flatten().map(Number::Literal));
                 self.hold_by(before, arc.by);
             }
         }
     }
 
     /// Adds the numbers that were held before, and records who holds the others.
-    fn hold_by(&mut self, before: HeldNumbers, by: Option<RoutineId>) {
+    fn hold_by(&mut self, before: HashSet<Number>, by: Option<RoutineId>) {
         let own = self.numbers.held_again(before);
         if let Some(by) = by {
             own.into_iter().for_each(|number| self.reached.hold(number, by));
@@ -505,7 +495,7 @@ impl<'a> Runner<'a> {
             let moves = |id: RoutineId| {
                 statements(&self.symbols.routine(id).body).into_iter().any(|statement| self.is_motion(id, statement))
             };
-            if !self.reached_from(id).into_iter().any(moves) {
+            if !self.reached_from([id].into()).into_iter().any(moves) {
                 continue;
             }
             let name = String::from_utf8_lossy(self.routine_name(id)).into_owned();
@@ -519,9 +509,9 @@ impl<'a> Runner<'a> {
         }
     }
 
-    /// A routine, those that it calls, and those that they call.
-    pub(super) fn reached_from(&self, id: RoutineId) -> BTreeSet<RoutineId> {
-        let (mut reached, mut waiting) = (BTreeSet::from([id]), vec![id]);
+    /// These routines, those that they call, and so on.
+    pub(super) fn reached_from(&self, mut reached: BTreeSet<RoutineId>) -> BTreeSet<RoutineId> {
+        let mut waiting: Vec<RoutineId> = reached.iter().copied().collect();
         while let Some(caller) = waiting.pop() {
             let called = self.calls(caller, &self.symbols.routine(caller).body);
             waiting.extend(called.filter(|callee| reached.insert(*callee)));
@@ -539,9 +529,9 @@ impl<'a> Runner<'a> {
 
     /// Forbids edits of robtargets assembled from parts, unless every run knows the parts and can edit them.
     pub(super) fn hold_what_is_not_always_assembled(&mut self) {
-        let held =
-            self.numbers.own.iter().filter(|(place, _)| self.numbers.unassembled.contains(place)).map(|(_, id)| *id);
-        self.numbers.pinned.extend(held);
+        let Numbers { own, unassembled, held, .. } = &mut self.numbers;
+        let not_always = own.iter().filter(|(place, _)| unassembled.contains(place));
+        held.extend(not_always.map(|(_, id)| Number::Literal(*id)));
     }
 
     /// Names the routines that nothing calls and that run routines of the program with targets of their own.

@@ -4,7 +4,6 @@ use super::literal::{self, Literal, UNUSED_AXIS, Written};
 use crate::{Conf, NO_TURN, Reason, ToolData, WobjData};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::Span;
-use std::collections::{BTreeSet, HashSet};
 use std::rc::Rc;
 
 /// Largest deviation of |q|² from 1 that counts as rounding of the printed text: a length of 1 ± 0.001. ABB's page on `orient`
@@ -36,21 +35,7 @@ pub(super) struct Pose {
     pub(super) fixed: Option<Reason>,
 }
 
-/// The numbers in the text from which robtargets are made.
-#[derive(Debug, Default)]
-pub(super) struct Origins {
-    pub(super) literals: BTreeSet<u32>,
-    /// Offsets, by their first number.
-    pub(super) offsets: HashSet<SourceSpan>,
-}
-
-/// Numbers that must not be edited, taken out of those of the program.
-pub(super) struct HeldNumbers {
-    pub(super) pinned: BTreeSet<u32>,
-    pub(super) offsets: HashSet<SourceSpan>,
-}
-
-/// One of them.
+/// A number that must not be edited.
 pub(super) struct HeldNumber {
     pub(super) number: Number,
     /// Whether nothing before has held it.
@@ -63,13 +48,6 @@ pub(super) enum Number {
     Literal(u32),
     /// An argument of `Offs` or `RelTool`, by the first of the three.
     Offset(SourceSpan),
-}
-
-impl Origins {
-    pub(super) fn add(&mut self, pose: &Pose) {
-        self.literals.extend(pose.root);
-        self.offsets.extend(pose.steps.iter().filter_map(OffsetStep::place));
-    }
 }
 
 /// One `Offs` or `RelTool`, or assignments to the coordinates of a variable.
@@ -109,6 +87,12 @@ impl OffsetStep {
 }
 
 impl Pose {
+    /// The numbers in the text from which it is made.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = Number> {
+        let steps = self.steps.iter().filter_map(OffsetStep::place);
+        self.root.map(Number::Literal).into_iter().chain(steps.map(Number::Offset))
+    }
+
     /// The pose with some coordinates of another one, at a distance from them; `None` if the other one is not made from the same numbers.
     pub(super) fn with(&self, other: &Self, by_mm: [Option<f64>; 3]) -> Option<Self> {
         let ((before, mut step), (before_other, from)) = (self.before_assigned(), other.before_assigned());

@@ -2,13 +2,13 @@
 
 use super::Layout;
 use super::literal::Literal;
-use super::value::{quarters, unit};
+use super::value::{Number, quarters, unit};
 use crate::EXTERNAL_AXES;
 use crate::token::{New, signed, single};
 use crate::{Change, Conf, Editable, Goal, Program, Reason, RewriteOptions};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Span, Token};
-use std::collections::{BTreeSet, HashSet};
+use std::collections::HashSet;
 
 /// New token texts of one literal; `None` for tokens that stay.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -39,9 +39,8 @@ pub(super) struct Writer<'a> {
     pub(super) options: &'a RewriteOptions<'a>,
     pub(super) edits: Vec<Vec<Edit>>,
     pub(super) kept: Vec<(usize, Reason)>,
-    /// Literals, and offsets by their first number, that stay because another target depends on them.
-    pub(super) frozen: BTreeSet<u32>,
-    pub(super) frozen_offsets: HashSet<SourceSpan>,
+    /// Numbers that stay because another target depends on them.
+    pub(super) frozen: HashSet<Number>,
     /// Whether each target goes along with the numbers of others; empty if none can.
     pub(super) along: Vec<bool>,
 }
@@ -54,8 +53,7 @@ impl<'a> Writer<'a> {
             options,
             edits: vec![Vec::new(); program.written],
             kept: Vec::new(),
-            frozen: BTreeSet::new(),
-            frozen_offsets: HashSet::new(),
+            frozen: HashSet::new(),
             along: Vec::new(),
         }
     }

@@ -6,7 +6,7 @@ use super::super::predefined;
 use super::super::runner::{Frame, Runner};
 use super::super::symbols::{Names, Upper};
 use super::super::tree::{Param, Statement, StatementKind};
-use super::super::value::{OffsetStep, Value, multiply, rotate, unit};
+use super::super::value::{Number, OffsetStep, Value, multiply, rotate, unit};
 use super::Scope;
 use crate::orientation::quaternion;
 use crate::{NO_TURN, Reason};
@@ -171,7 +171,7 @@ impl<'a> Runner<'a> {
         };
         let (Some(base), Some(offset_mm), Some(turn)) = (self.as_target(&values[0]), offset_mm, turn) else {
             // Another run of this statement would edit numbers that are used here too.
-            self.numbers.held.extend(tokens.map(|tokens| tokens[0]));
+            self.numbers.held.extend(tokens.map(|tokens| Number::Offset(tokens[0])));
             self.numbers.pin_value(&values[0]);
             return Value::Unknown(values[0].unknown().unwrap_or(Reason::Computed));
         };
@@ -182,7 +182,7 @@ impl<'a> Runner<'a> {
             pose.steps.push(step);
         } else {
             // This pose cannot be edited, and another run of the same statement must not edit the offset.
-            self.numbers.held.extend(tokens.map(|tokens| tokens[0]));
+            self.numbers.held.extend(tokens.map(|tokens| Number::Offset(tokens[0])));
         }
         Value::Target(Rc::new(pose))
     }
