@@ -3,9 +3,7 @@
 
 use super::agreed::{Agreed, Agreement, WantedValues};
 use super::gathering::{Distinct, Emitter, Gathering};
-use super::runner::Runner;
-use super::tree::File;
-use super::{Cut, parsed, program_of};
+use super::{Cut, Parsed, parsed};
 use crate::{Next, Program, RewriteOptions, StreamableChunk};
 use deflex_text::{Diagnostic, Edit, Source};
 use std::io;
@@ -23,19 +21,11 @@ const WAITING: usize = 2;
 #[derive(Clone, Debug)]
 #[doc(hidden)]
 pub struct Executed {
-    held: Arc<Held>,
+    parsed: Arc<Parsed>,
     found: Arc<Distinct>,
     /// The program with one motion for all equal ones.
     like: Arc<Program>,
     targets: usize,
-}
-
-/// The program that was read.
-#[derive(Debug)]
-struct Held {
-    sources: Arc<[Source]>,
-    files: Vec<File>,
-    written: usize,
 }
 
 impl Executed {
@@ -57,22 +47,19 @@ impl Executed {
         held: u32,
         targets: usize,
     ) -> Result<Option<Self>, Vec<Diagnostic>> {
-        let dialect = super::dialect::of(&sources);
-        let written = sources.len();
         if !sources.iter().any(|source| may_loop(&source.bytes)) {
             return Ok(None);
         }
-        let (sources, files, _) = parsed(sources, context, Cut::Refused)?;
-        let mut runner = Runner::new(&sources, &files, written);
+        let parsed = parsed(super::dialect::of(&sources), sources, context, Cut::Refused)?;
+        let mut runner = parsed.runner();
         runner.gathering = Gathering::Distinct(Distinct::default());
-        let (outcome, gathering, motions) = runner.run_gathering(&files);
+        let (like, gathering) = runner.run_gathering();
         let Gathering::Distinct(found) = gathering else { return Ok(None) };
-        if motions <= held {
+        if like.motion_targets() <= held as usize {
             return Ok(None);
         }
-        let like = program_of(outcome, (Arc::clone(&sources), &files, written), dialect, Vec::new())?;
-        let held = Arc::new(Held { sources, files, written });
-        Ok(Some(Self { held, found: Arc::new(found), like: Arc::new(like), targets }))
+        let like = Arc::new(parsed.program(like)?);
+        Ok(Some(Self { parsed: Arc::new(parsed), found: Arc::new(found), like, targets }))
     }
 
     /// The program with one motion for all equal ones; its frames, reasons and messages are those of the whole program.
@@ -101,9 +88,9 @@ impl Executed {
     fn start(&self, agreement: Agreement) -> io::Result<Receiver<StreamableChunk>> {
         let (out, chunks) = sync_channel(WAITING);
         let emitter = Emitter::new(Arc::clone(&self.found), Arc::clone(&self.like), agreement, out, self.targets);
-        let held = Arc::clone(&self.held);
+        let parsed = Arc::clone(&self.parsed);
         let run = move || {
-            let mut runner = Runner::new(&held.sources, &held.files, held.written);
+            let mut runner = parsed.runner();
             runner.gathering = Gathering::Chunks(Box::new(emitter));
             runner.emit_all();
         };

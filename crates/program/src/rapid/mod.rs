@@ -84,7 +84,7 @@ pub use lines::CHUNK;
 use rewrite::rewrite;
 
 use super::front_end::{FrontEnd, Wanted};
-use super::{Kept, Language, Passing, Program, Reason, Rewritten};
+use super::{Kept, Passing, Program, Reason, Rewritten};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Diagnostic, Edit, Severity, Source, Span};
 use lex::{Cursor, LexemeKind};
@@ -259,8 +259,7 @@ struct Offset {
 /// # Ok::<(), deflex_text::Diagnostics>(())
 /// ```
 pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
-    let dialect = dialect::of(&sources);
-    read_as(dialect, sources, context)
+    read_as(dialect::of(&sources), sources, context)
 }
 
 /// [`read`] for callers that change nothing: a file that is cut off is read to its end, and its end is noted.
@@ -269,8 +268,7 @@ pub fn read(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<D
 /// As [`read`], but for cut-off files.
 #[doc(hidden)]
 pub fn look(sources: Vec<Source>, context: Vec<Source>) -> Result<Program, Vec<Diagnostic>> {
-    let dialect = dialect::of(&sources);
-    read_cut(dialect, sources, context, Cut::Looked)
+    read_cut(dialect::of(&sources), sources, context, Cut::Looked)
 }
 
 /// [`read`] with the name of the dialect.
@@ -293,19 +291,30 @@ fn read_cut(
     context: Vec<Source>,
     cut: Cut,
 ) -> Result<Program, Vec<Diagnostic>> {
-    let written = sources.len();
-    let (sources, files, cuts) = parsed(sources, context, cut)?;
-    let outcome = runner::Runner::new(&sources, &files, written).run(&files);
-    program_of(outcome, (sources, &files, written), dialect, cuts)
+    let parsed = parsed(dialect, sources, context, cut)?;
+    parsed.program(parsed.runner().run())
 }
 
-/// Modules and context as files, with the ends of the files that are cut off.
-#[allow(clippy::type_complexity)]
+/// The files of a program, with their syntax trees.
+#[derive(Debug)]
+struct Parsed {
+    sources: Arc<[Source]>,
+    files: Vec<tree::File>,
+    /// Number of files that are the program itself; context follows them.
+    written: usize,
+    dialect: &'static str,
+    /// The ends of the files that are cut off.
+    cuts: Vec<Kept>,
+}
+
+/// Parses modules and context.
 fn parsed(
+    dialect: &'static str,
     mut sources: Vec<Source>,
     context: Vec<Source>,
     cut: Cut,
-) -> Result<(Arc<[Source]>, Vec<tree::File>, Vec<Kept>), Vec<Diagnostic>> {
+) -> Result<Parsed, Vec<Diagnostic>> {
+    let written = sources.len();
     sources.extend(context);
     let mut errors = Vec::new();
     let (mut files, mut cuts) = (Vec::new(), Vec::new());
@@ -337,35 +346,28 @@ fn parsed(
     if !errors.is_empty() {
         return Err(errors);
     }
-    Ok((sources.into(), files, cuts))
+    Ok(Parsed { sources: sources.into(), files, written, dialect, cuts })
 }
 
-/// The program that a run gives.
-fn program_of(
-    mut outcome: outcome::Outcome,
-    (sources, files, written): (Arc<[Source]>, &[tree::File], usize),
-    dialect: &'static str,
-    cuts: Vec<Kept>,
-) -> Result<Program, Vec<Diagnostic>> {
-    if outcome.diagnostics.iter().any(|d| d.severity == Severity::Error) {
-        outcome.diagnostics.sort_by_key(|d| d.severity != Severity::Error);
-        return Err(outcome.diagnostics);
+impl Parsed {
+    fn runner(&self) -> runner::Runner<'_> {
+        runner::Runner::new(&self.sources, &self.files, self.written)
     }
-    for (source, file) in sources.iter().zip(files).take(written) {
-        outcome.diagnostics.extend(not_read(source, &file.odd));
+
+    /// The program that a run found, with what is known without the run.
+    fn program(&self, mut found: Program) -> Result<Program, Vec<Diagnostic>> {
+        if found.diagnostics.iter().any(|d| d.severity == Severity::Error) {
+            found.diagnostics.sort_by_key(|d| d.severity != Severity::Error);
+            return Err(found.diagnostics);
+        }
+        let own = &self.files[..self.written];
+        for (source, file) in self.sources.iter().zip(own) {
+            found.diagnostics.extend(not_read(source, &file.odd));
+        }
+        found.kept.extend(self.cuts.iter().cloned());
+        let literal_targets = own.iter().map(|file| file.literals.len()).sum();
+        Ok(Program { sources: Arc::clone(&self.sources), dialect: self.dialect, literal_targets, ..found })
     }
-    let literal_targets = files.iter().take(written).map(|f| f.literals.len()).sum();
-    Ok(Program {
-        tools: outcome.tools,
-        wobjs: outcome.wobjs,
-        targets: outcome.targets,
-        unknown: outcome.unknown,
-        kept: outcome.kept.into_iter().chain(cuts).collect(),
-        literal_targets,
-        arcs: outcome.arcs,
-        diagnostics: outcome.diagnostics,
-        ..Program::empty(Language::Rapid, dialect, (sources, written), super::Layout::Rapid(outcome.layout))
-    })
 }
 
 /// Warns of statements that cannot be read and stay as they are: one warning per reason, at the first of them.

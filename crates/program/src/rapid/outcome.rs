@@ -5,27 +5,14 @@ use super::state::Standing;
 use super::tree::{File, RoutineKind, StatementKind};
 use super::value::Number;
 use super::{Given, Layout, TargetInText};
-use crate::{Editable, Goal, Kept, Motion, Reason, Role, Target, Tool, UnknownMotion, Wobj};
+use crate::{Editable, Goal, Language, Motion, Program, Reason, Role, Target};
 use deflex_lang::ir::SourceSpan;
-use deflex_text::Diagnostic;
 use std::collections::HashSet;
 use std::sync::{Arc, OnceLock};
 
-/// The outcome of a run.
-pub(super) struct Outcome {
-    pub(super) tools: Vec<Tool>,
-    pub(super) wobjs: Vec<Wobj>,
-    pub(super) targets: Vec<Target>,
-    pub(super) unknown: Vec<UnknownMotion>,
-    pub(super) kept: Vec<Kept>,
-    pub(super) arcs: usize,
-    pub(super) diagnostics: Vec<Diagnostic>,
-    pub(super) layout: Layout,
-}
-
 impl Runner<'_> {
-    /// Ends the run.
-    pub(super) fn finish(mut self, files: &[File]) -> Outcome {
+    /// Ends the run. The program has no sources yet, and nothing that is known without the run.
+    pub(super) fn finish(mut self) -> Program {
         self.refuse_what_is_counted_from();
         let elsewhere = self.runs_elsewhere();
         self.hold_what_runs_elsewhere(&elsewhere);
@@ -33,7 +20,7 @@ impl Runner<'_> {
         self.hold_other_arcs();
         self.bind_what_steps_otherwise();
         self.hold_what_is_not_always_assembled();
-        let plain = self.plain(files);
+        let plain = self.plain();
         let streamable = plain && self.inline();
         self.refuse_what_calls_itself();
         self.hold_what_cannot_stand();
@@ -63,7 +50,7 @@ impl Runner<'_> {
             streamable,
             plain,
             after_compact_if: (0..)
-                .zip(files)
+                .zip(self.symbols.files)
                 .flat_map(|(source, file)| file.after_compact_if.iter().map(move |start| (source, *start)))
                 .collect(),
             runs_elsewhere,
@@ -71,7 +58,8 @@ impl Runner<'_> {
             again: None,
             zones: OnceLock::new(),
         };
-        Outcome {
+        let sources = (Arc::default(), self.written);
+        Program {
             tools: self.used.tools,
             wobjs: self.used.wobjs,
             targets: self.found.targets,
@@ -79,7 +67,7 @@ impl Runner<'_> {
             kept: self.messages.kept.in_order(),
             arcs: self.counters.arcs,
             diagnostics: self.messages.diagnostics,
-            layout,
+            ..Program::empty(Language::Rapid, "rapid", sources, crate::Layout::Rapid(layout))
         }
     }
 
@@ -176,8 +164,10 @@ impl Runner<'_> {
     }
 
     /// Whether each statement was a motion to a literal target or has no later effect.
-    fn plain(&self, files: &[File]) -> bool {
-        let Some((file, context)) = files.split_first().filter(|_| self.written == 1) else { return false };
+    fn plain(&self) -> bool {
+        let Some((file, context)) = self.symbols.files.split_first().filter(|_| self.written == 1) else {
+            return false;
+        };
         let only_data = |file: &File| file.odd.is_empty() && file.modules.iter().all(|m| m.routines.is_empty());
         let [module] = &file.modules[..] else { return false };
         let [proc] = &module.routines[..] else { return false };

@@ -7,12 +7,11 @@ use super::gathering::Gathering;
 use super::known::RoutineId;
 use super::lex::{Cursor, LexemeKind};
 use super::motion;
-use super::outcome::Outcome;
 use super::predefined;
 use super::runner::{Mode, Runner};
 use super::state::Stands;
-use super::tree::{Assignment, File, RoutineKind, Statement, StatementKind};
-use crate::Reason;
+use super::tree::{Assignment, RoutineKind, Statement, StatementKind};
+use crate::{Program, Reason};
 use deflex_lang::walk::Stop;
 use deflex_text::limits::RUN_MOTIONS;
 use deflex_text::{Diagnostic, Severity, Span};
@@ -25,17 +24,16 @@ const BYTES_PER_STEP: usize = 256;
 pub(super) const MOTIONS: u32 = RUN_MOTIONS.most as u32;
 impl<'a> Runner<'a> {
     /// Runs `main`; if there is none, or it moves nothing, runs every procedure that no other calls.
-    pub(super) fn run(self, files: &[File]) -> Outcome {
-        self.run_gathering(files).0
+    pub(super) fn run(self) -> Program {
+        self.run_gathering().0
     }
 
-    /// [`Runner::run`], with the gathered targets and the number of executed motions.
-    pub(super) fn run_gathering(mut self, files: &[File]) -> (Outcome, Gathering, u32) {
+    /// [`Runner::run`], with the gathered targets.
+    pub(super) fn run_gathering(mut self) -> (Program, Gathering) {
         let procs = self.follow();
         self.look_aside(&procs);
         let gathering = std::mem::replace(&mut self.gathering, Gathering::All);
-        let motions = self.counters.motions;
-        (self.finish(files), gathering, motions)
+        (self.finish(), gathering)
     }
 
     /// The run of [`Runner::run`]; returns the procedures of the program.
