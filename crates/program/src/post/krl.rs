@@ -99,17 +99,15 @@ impl PostWriter {
                 *in_force = InForce { mark: in_force.mark, ..InForce::default() };
             }
         }
-        if in_force.tool != Some(point.tool) {
-            if let Some((name, data)) = self.plan.tools.get(usize::from(point.tool)) {
-                tool(text, name, data);
-            }
-            in_force.tool = Some(point.tool);
+        if in_force.tool.replace(point.tool) != Some(point.tool)
+            && let Some((name, data)) = self.plan.tools.get(usize::from(point.tool))
+        {
+            tool(text, name, data);
         }
-        if in_force.base != Some(point.wobj) {
-            if let Some((name, data)) = self.plan.wobjs.get(usize::from(point.wobj)) {
-                base(text, name, data);
-            }
-            in_force.base = Some(point.wobj);
+        if in_force.base.replace(point.wobj) != Some(point.wobj)
+            && let Some((name, data)) = self.plan.wobjs.get(usize::from(point.wobj))
+        {
+            base(text, name, data);
         }
         if in_force.mark != point.mark {
             point.mark.iter().for_each(|mark| lines(text, &format!("; {}", mark.comment())));

@@ -36,25 +36,14 @@ impl Parser<'_> {
                         data.push(found);
                     }
                 }
-                Some(Key::If) => {
+                Some(key @ (Key::If | Key::For | Key::While | Key::Test)) => {
                     self.cursor.pass(start);
-                    let statement = self.condition(data, at, depth)?;
-                    block.extend(statement);
-                }
-                Some(Key::For) => {
-                    self.cursor.pass(start);
-                    let statement = self.counted(data, at, depth)?;
-                    block.extend(statement);
-                }
-                Some(Key::While) => {
-                    self.cursor.pass(start);
-                    let statement = self.repeated(data, at, depth)?;
-                    block.push(statement);
-                }
-                Some(Key::Test) => {
-                    self.cursor.pass(start);
-                    let statement = self.test(data, at, depth)?;
-                    block.push(statement);
+                    block.extend(match key {
+                        Key::If => self.condition(data, at, depth)?,
+                        Key::For => self.counted(data, at, depth)?,
+                        Key::While => Some(self.repeated(data, at, depth)?),
+                        _ => Some(self.test(data, at, depth)?),
+                    });
                 }
                 Some(
                     k @ (Key::Return | Key::Exit | Key::Raise | Key::Retry | Key::TryNext | Key::Goto | Key::Connect),
