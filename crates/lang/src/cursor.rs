@@ -57,6 +57,11 @@ impl<'a, L> Cursor<'a, '_, L> {
         is
     }
 
+    /// Reads this name or sign; `None` if another lexeme is next.
+    pub(crate) fn expect(&mut self, text: &str) -> Option<()> {
+        self.take(text).then_some(())
+    }
+
     /// Reads the next lexeme if it is a name.
     pub(crate) fn take_name(&mut self) -> Option<Lexeme<'a>> {
         let name = self.peek().filter(|lexeme| lexeme.kind == LexemeKind::Name);

@@ -156,9 +156,7 @@ impl<'a> Parser<'a, '_> {
             return Some(self.expression_at(Is::Binary(*operator, Box::new([left, right])), start));
         }
         self.at = from;
-        if !self.take("(") {
-            return None;
-        }
+        self.expect("(")?;
         self.inner(|parser| parser.binary(&JOINED, Self::compared)).filter(|_| self.take(")"))
     }
 

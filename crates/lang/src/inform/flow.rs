@@ -225,9 +225,7 @@ impl Parser<'_, '_> {
     /// `JOB:NAME`, with its arguments.
     pub(super) fn call(&mut self, start: Span) -> Option<Vec<StatementKind>> {
         let name = if self.take("JOB") {
-            if !self.take(":") {
-                return None;
-            }
+            self.expect(":")?;
             self.name()
         } else {
             self.up_to_condition()

@@ -243,9 +243,8 @@ impl<'a, 'n> Parser<'a, 'n> {
             b"if" => self.conditional(start).map(Some),
             b"while" => {
                 self.at += 1;
-                let Some(condition) = self.condition() else {
-                    return Err(self.fault(start, "expected `while`, a condition and `:`"));
-                };
+                let expected = "expected `while`, a condition and `:`";
+                let condition = self.condition().ok_or_else(|| self.fault(start, expected))?;
                 let body = self.block()?;
                 self.close(start)?;
                 Ok(Some(Read::Statement(StatementKind::Loop { condition: Some(condition), body })))
@@ -291,11 +290,13 @@ impl<'a, 'n> Parser<'a, 'n> {
         }
     }
 
+    /// Reads a word or sign without which the text has a fault at `place`.
+    fn need(&mut self, text: &str, place: Span, fault: &'static str) -> Result<(), Fault> {
+        if self.take(text) { Ok(()) } else { Err(self.fault(place, fault)) }
+    }
+
     fn close(&mut self, start: Span) -> Result<(), Fault> {
-        if self.take("end") {
-            return Ok(());
-        }
-        Err(self.fault(start, "a block without its `end`"))
+        self.need("end", start, "a block without its `end`")
     }
 
     /// A condition with its colon.
@@ -307,15 +308,12 @@ impl<'a, 'n> Parser<'a, 'n> {
     fn conditional(&mut self, start: Span) -> Result<Read, Fault> {
         let (mut arms, mut otherwise) = (Vec::new(), Vec::new());
         while self.take(if arms.is_empty() { "if" } else { "elif" }) {
-            let Some(condition) = self.condition() else {
-                return Err(self.fault(start, "expected `if` or `elif`, a condition and `:`"));
-            };
+            let expected = "expected `if` or `elif`, a condition and `:`";
+            let condition = self.condition().ok_or_else(|| self.fault(start, expected))?;
             arms.push((condition, self.block()?));
         }
         if self.take("else") {
-            if !self.take(":") {
-                return Err(self.fault(self.here(), "expected `:` after `else`"));
-            }
+            self.need(":", self.here(), "expected `:` after `else`")?;
             otherwise = self.block()?;
         }
         self.close(start)?;
@@ -326,35 +324,17 @@ impl<'a, 'n> Parser<'a, 'n> {
         let start = self.here();
         let expected = "expected `def name(parameters):`";
         self.at += 1;
-        let Some(&id) = self.own.names.begins.get(&self.place(start)) else {
-            return Err(self.fault(start, expected));
-        };
+        let id = self.own.names.begins.get(&self.place(start)).copied();
+        let id = id.ok_or_else(|| self.fault(start, expected))?;
         let is_thread = self.lexemes[self.at - 1].is("thread");
-        let Some(name) = self.take_name() else {
-            return Err(self.fault(start, expected));
-        };
+        let name = self.take_name().ok_or_else(|| self.fault(start, expected))?;
         if self.own.scopes.len() == 1 && !is_thread {
             self.own.outer.push((id, self.source));
         }
-        if !self.take("(") {
-            return Err(self.fault(start, expected));
-        }
+        self.need("(", start, expected)?;
         self.own.scopes.push(Scope::default());
-        let mut parameters = Vec::new();
-        while !self.take(")") {
-            let Some(parameter) = self.take_name() else {
-                return Err(self.fault(start, expected));
-            };
-            self.variable(parameter.text, Use::Local);
-            let default = if self.take("=") { self.expression() } else { None };
-            parameters.push(Parameter { name: text(parameter.text), default });
-            if !self.take(",") && !self.next_is(")") {
-                return Err(self.fault(start, expected));
-            }
-        }
-        if !self.take(":") {
-            return Err(self.fault(start, expected));
-        }
+        let parameters = self.list(")", Self::parameter).ok_or_else(|| self.fault(start, expected))?;
+        self.need(":", start, expected)?;
         let place = self.since(start);
         let body = self.block()?;
         self.close(start)?;
@@ -368,6 +348,13 @@ impl<'a, 'n> Parser<'a, 'n> {
         Ok(Read::Nothing)
     }
 
+    fn parameter(&mut self) -> Option<Parameter> {
+        let name = self.take_name()?;
+        self.variable(name.text, Use::Local);
+        let default = if self.take("=") { self.expression() } else { None };
+        Some(Parameter { name: text(name.text), default })
+    }
+
     /// `name = value`, `name[index] = value`
     fn assignment(&mut self, to: Use) -> Option<StatementKind> {
         let name = self.take_name()?;
@@ -375,9 +362,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         loop {
             if self.take("[") {
                 path.push(self.expression()?);
-                if !self.take("]") {
-                    return None;
-                }
+                self.expect("]")?;
             } else if self.take(".") {
                 field = true;
                 self.at += 1;
@@ -385,9 +370,7 @@ impl<'a, 'n> Parser<'a, 'n> {
                 break;
             }
         }
-        if !self.take("=") {
-            return None;
-        }
+        self.expect("=")?;
         let value = self.expression()?;
         let slot = self.variable(name.text, to);
         if field {
@@ -458,19 +441,12 @@ impl<'a, 'n> Parser<'a, 'n> {
 
     /// `(…)`
     fn arguments(&mut self) -> Option<Vec<Argument>> {
-        let mut all = Vec::new();
-        if !self.take("(") {
-            return None;
-        }
-        while !self.take(")") {
-            let name = if self.second_is("=") { self.take_name() } else { None };
-            self.at += usize::from(name.is_some());
-            all.push(Argument { name: name.map(|name| text(name.text)), value: self.expression()? });
-            if !self.take(",") && !self.next_is(")") {
-                return None;
-            }
-        }
-        Some(all)
+        self.expect("(")?;
+        self.list(")", |parser| {
+            let name = if parser.second_is("=") { parser.take_name() } else { None };
+            parser.at += usize::from(name.is_some());
+            Some(Argument { name: name.map(|name| text(name.text)), value: parser.expression()? })
+        })
     }
 
     fn expression(&mut self) -> Option<Expression> {
@@ -505,9 +481,7 @@ impl<'a, 'n> Parser<'a, 'n> {
         loop {
             if self.take("[") {
                 let index = self.expression()?;
-                if !self.take("]") {
-                    return None;
-                }
+                self.expect("]")?;
                 value = self.expression_at(Is::Item(Box::new([value, index])), start);
             } else if self.take(".") {
                 let method = self.take_name()?;
@@ -558,11 +532,16 @@ impl<'a, 'n> Parser<'a, 'n> {
     }
 
     fn items(&mut self) -> Option<Vec<Expression>> {
+        self.list("]", Self::expression)
+    }
+
+    /// Items with commas between them, up to a bracket.
+    fn list<I>(&mut self, end: &str, item: impl Fn(&mut Self) -> Option<I>) -> Option<Vec<I>> {
         let mut all = Vec::new();
-        while !self.take("]") {
-            all.push(self.expression()?);
-            if !self.take(",") && !self.next_is("]") {
-                return None;
+        while !self.take(end) {
+            all.push(item(self)?);
+            if !self.next_is(end) {
+                self.expect(",")?;
             }
         }
         Some(all)
