@@ -61,6 +61,7 @@ pub enum Meeting {
 ///         false
 ///     }
 ///     fn lose_place(&self, _: &mut u32) {}
+///     fn forget_last(&mut self, _: &u32) {}
 ///     fn is_same(&self, a: &u32, b: &u32) -> bool {
 ///         a == b
 ///     }
@@ -108,6 +109,10 @@ pub trait Machine {
 
     /// Makes the last motion of the arm unknown, because the loop continues after this state has left it and may repeat a motion.
     fn lose_place(&self, state: &mut Self::State);
+
+    /// Forgets the last recorded motion, unless the arm stands at its end: the next motions may come in another order than they are recorded,
+    /// and one of them may be the same statement in a later round.
+    fn forget_last(&mut self, state: &Self::State);
 
     /// Whether two states are equal, so that everything after them is equal.
     fn is_same(&self, a: &Self::State, b: &Self::State) -> bool;
@@ -352,7 +357,11 @@ impl<M: Machine> Walk<'_, M> {
 
     /// Follows all paths from some nodes to the end of the region. Returns the states there.
     fn region(&mut self, mut region: Region, mut states: States<M>) -> Result<States<M>, Stop> {
-        let (mark, is_recording) = (self.machine.mark(), *self.machine.is_recording());
+        let is_recording = *self.machine.is_recording();
+        if is_recording {
+            states.values().for_each(|state| self.machine.forget_last(state));
+        }
+        let mark = self.machine.mark();
         loop {
             *self.machine.is_recording() = false;
             self.grow(&mut region, &mut states)?;

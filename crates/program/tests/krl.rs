@@ -1051,3 +1051,19 @@ fn what_the_next_run_takes_over_stays() {
         assert!(is_moved(format!("XP4=XP2\nLIN XP3\n{change}")), "{change}");
     }
 }
+
+/// The motion at L1 comes after the one at L2, which stands below it in the text: that of the present round, not the one recorded last.
+#[test]
+fn a_jump_back_begins_at_no_motion_of_an_earlier_round() {
+    use deflex_program::Predecessor::{Start, Unknown};
+    let lin = |x: &str| format!("LIN {{X {x},Y 0,Z 0,A 0,B 90,C 0}}\n");
+    let body = format!(
+        "INT n\n{}FOR n=1 TO 2\nIF $IN[1] THEN\nGOTO L3\nENDIF\nGOTO L2\nL1:\n{}GOTO L3\nL2:\n{}GOTO L1\nL3:\nENDFOR",
+        lin("9"),
+        lin("n+10"),
+        lin("n")
+    );
+    let p = program(&body);
+    let predecessors: Vec<_> = p.targets.iter().map(|target| target.predecessor).collect();
+    assert_eq!(predecessors, [Start, Unknown, Unknown, Unknown, Unknown]);
+}

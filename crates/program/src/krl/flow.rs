@@ -53,6 +53,11 @@ impl<'a> Machine for Runner<'a> {
         state.values.insert(STANDS, Value::unknown(Reason::MotionBefore));
     }
 
+    fn forget_last(&mut self, state: &ModalState) {
+        let stands = state.at(STANDS, &self.symbols.start).number();
+        self.last = self.last.filter(|last| stands == Some(*last));
+    }
+
     fn is_same(&self, a: &ModalState, b: &ModalState) -> bool {
         a == b
     }

@@ -72,6 +72,10 @@ impl<'a> Machine for Runner<'a> {
         state.stands = Stands::Unknown;
     }
 
+    fn forget_last(&mut self, state: &State) {
+        self.found.last = self.found.last.filter(|last| state.stands == Stands::At(*last));
+    }
+
     fn is_same(&self, a: &State, b: &State) -> bool {
         a.is(b)
     }
