@@ -34,6 +34,8 @@ struct Loop {
     parent: Option<usize>,
     /// The node at which it is entered, the first one in the text.
     head: usize,
+    /// Whether nothing leaves it.
+    is_endless: bool,
 }
 
 /// The nodes of all routines.
@@ -57,8 +59,6 @@ pub struct Flow<S, T> {
     pub(crate) meets: Vec<Option<usize>>,
     /// The innermost loop of each node.
     pub(crate) inner: Vec<Option<usize>>,
-    /// Nodes of a loop that nothing leaves.
-    pub(crate) endless: Vec<bool>,
     loops: Vec<Loop>,
 }
 
@@ -70,7 +70,6 @@ impl<S: Copy, T: Copy> Default for Flow<S, T> {
             leads: Vec::new(),
             meets: Vec::new(),
             inner: Vec::new(),
-            endless: Vec::new(),
             loops: Vec::new(),
         }
     }
@@ -100,7 +99,6 @@ impl<S: Copy, T: Copy> Flow<S, T> {
         self.leads.resize(count, false);
         self.meets.resize(count, None);
         self.inner.resize(count, None);
-        self.endless.resize(count, false);
         self.lead(first, exit);
         self.meet(first, exit);
         self.loops_of(&(first..=exit).collect::<Vec<_>>(), exit, None);
@@ -114,6 +112,11 @@ impl<S: Copy, T: Copy> Flow<S, T> {
     /// Whether a loop is another one or is inside it.
     pub(crate) fn is_loop_within(&self, inner: usize, of: usize) -> bool {
         std::iter::successors(Some(inner), |inner| self.loops[*inner].parent).any(|around| around == of)
+    }
+
+    /// Whether nothing leaves a loop.
+    pub(crate) fn is_endless(&self, of: usize) -> bool {
+        self.loops[of].is_endless
     }
 
     /// The node after a loop where all paths from a node in it meet.
@@ -270,11 +273,8 @@ impl<S: Copy, T: Copy> Flow<S, T> {
             let entered: BTreeSet<usize> = outer.flat_map(|node| self.next(*node, exit)).collect();
             let head = within.iter().find(|node| entered.contains(node)).or(within.first()).copied().unwrap_or(exit);
             let is_endless = within.iter().flat_map(|node| self.next(*node, exit)).all(|to| within.contains(&to));
-            self.loops.push(Loop { parent, head });
-            for node in &within {
-                self.inner[*node] = Some(of);
-                self.endless[*node] |= is_endless;
-            }
+            self.loops.push(Loop { parent, head, is_endless });
+            within.iter().for_each(|node| self.inner[*node] = Some(of));
             let rest: Vec<usize> = within.into_iter().filter(|node| *node != head).collect();
             self.loops_of(&rest, exit, Some(of));
         }

@@ -272,7 +272,7 @@ impl<M: Machine> Walk<'_, M> {
     ) -> Result<States<M>, Stop> {
         let mark = self.machine.mark();
         let region = |joined| Region { within, joined, ends, apart: BTreeMap::new(), is_other: false };
-        if self.is_followed(node, of) {
+        if self.is_followed(of) {
             if let Some(mut left) = self.follow(node, Some(of), state.clone())? {
                 let outside: Vec<usize> = left.keys().copied().filter(|node| !self.is_in(*node, within)).collect();
                 if left.len() - outside.len() <= 1 {
@@ -291,8 +291,8 @@ impl<M: Machine> Walk<'_, M> {
         self.region(region(Some(of)), BTreeMap::from([(node, state)]))
     }
 
-    fn is_followed(&self, node: usize, of: usize) -> bool {
-        self.machine.unrolls() && !self.flow.endless[node] && !self.joined.contains(&of)
+    fn is_followed(&self, of: usize) -> bool {
+        self.machine.unrolls() && !self.flow.is_endless(of) && !self.joined.contains(&of)
     }
 
     /// The end of a region whose paths meet at a node.
@@ -413,7 +413,7 @@ impl<M: Machine> Walk<'_, M> {
             !is_around && !has_end && region.joined != Some(*of)
         };
         if let Some(of) = self.flow.loop_headed(node).filter(is_apart) {
-            let is_followed = *region.apart.entry(of).or_insert(self.is_followed(node, of));
+            let is_followed = *region.apart.entry(of).or_insert(self.is_followed(of));
             if is_followed {
                 let mark = self.machine.mark();
                 if let Some(left) = self.follow(node, Some(of), state.clone())? {

@@ -1052,6 +1052,15 @@ fn what_the_next_run_takes_over_stays() {
     }
 }
 
+/// The main program of a cell repeats for ever, and runs through its points in a counted loop.
+#[test]
+fn a_counted_loop_within_an_endless_one_is_followed() {
+    let points = "DEFDAT a\nDECL FRAME P[2]\nP[1]={X 1.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nP[2]={X 2.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n";
+    let body = "DEF a()\nINT i\nLOOP\nFOR i=1 TO 2\nLIN P[i]\nENDFOR\nENDLOOP\nEND\n";
+    let p = program_of(&[("a.src", body), ("a.dat", points)], &[]);
+    assert_eq!((positions(&p), editable(&p)), (vec![[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]], vec!['P', 'P']));
+}
+
 /// The motion at L1 comes after the one at L2, which stands below it in the text: that of the present round, not the one recorded last.
 #[test]
 fn a_jump_back_begins_at_no_motion_of_an_earlier_round() {

@@ -383,3 +383,10 @@ fn approaches_by_other_sums_go_along() {
         assert!(!above(sum).contains(&2), "{sum}");
     }
 }
+
+#[test]
+fn a_counted_loop_within_an_endless_one_is_followed() {
+    assert_eq!(edits("LBL[1]\nFOR R[1]=2 TO 3\nL P[R[1]] 30mm/sec FINE\nENDFOR\nJMP LBL[1]"), [2, 3]);
+    let counted = "LBL[1]\nR[1]=2\nLBL[2]\nL P[R[1]] 30mm/sec FINE\nR[1]=R[1]+1\nIF R[1]<=3,JMP LBL[2]\nJMP LBL[1]";
+    assert_eq!(edits(counted), [2, 3]);
+}
