@@ -335,12 +335,20 @@ impl Value {
 
     /// The value where paths with two values meet: unknown if they differ.
     #[must_use]
+    #[allow(clippy::float_cmp)] // just the same number
     pub fn join(&self, other: &Self) -> Self {
         if self == other {
             return self.clone();
         }
         if let (Content::Unknown(a), Content::Unknown(b)) = (&self.content, &other.content) {
             return Self { content: Content::Unknown(*a.min(b)), reads: self.reads.with(&other.reads) };
+        }
+        if let (Content::Number(a), Content::Number(b)) = (&self.content, &other.content)
+            && a.value == b.value
+        {
+            // Which literal it comes from is unknown.
+            let number = Number { value: a.value, exact: a.exact && b.exact, affine: None };
+            return Self::from(Content::Number(number)).reading([self, other]);
         }
         let reason = self.reason().into_iter().chain(other.reason()).min();
         Self::unknown(reason.unwrap_or(Reason::Branches)).reading([self, other])

@@ -1052,6 +1052,26 @@ fn what_the_next_run_takes_over_stays() {
     }
 }
 
+/// Both branches set a number to the same value: it is known, and neither of the two literals is edited.
+#[test]
+fn a_number_that_is_the_same_on_all_paths_is_known() {
+    let p = program(&format!("$VEL.CP=0.02\nIF $IN[1] THEN\n$VEL.CP=0.02\nENDIF\nLIN {POINT}"));
+    assert_eq!((p.targets[0].feed_mm_s, editable(&p)), (Some(20.0), vec!['P']));
+    let p = program(&format!("$VEL.CP=0.02\nIF $IN[1] THEN\n$VEL.CP=0.03\nENDIF\nLIN {POINT}"));
+    assert_eq!(p.targets[0].feed_mm_s, None);
+    let body = "REAL z\nIF $IN[1] THEN\nz=3.0\nELSE\nz=3.0\nENDIF\nLIN {X 1.0,Y 2.0,Z z,A 0.0,B 0.0,C 0.0}";
+    let p = program(body);
+    assert_eq!((positions(&p), &moved(&p, 0.5)[0]), (vec![[1.0, 2.0, 3.0]], &format!("DEF a( )\n{body}\nEND\n")));
+}
+
+/// A taught point states `E1 0.0`, and the points of a post state no axis.
+#[test]
+fn an_axis_that_stays_at_zero_is_known_after_a_branch() {
+    let home = "PTP {A1 0,A2 -90,A3 90,A4 0,A5 60,A6 0,E1 0.0}";
+    let p = with_points(&format!("{home}\nLIN {POINT}\nIF $IN[1] THEN\nLIN XP2\nENDIF\nLIN {POINT}"));
+    assert_eq!(editable(&p), ['-', 'P', 'P', 'P']);
+}
+
 /// The main program of a cell repeats for ever, and runs through its points in a counted loop.
 #[test]
 fn a_counted_loop_within_an_endless_one_is_followed() {

@@ -385,6 +385,15 @@ fn approaches_by_other_sums_go_along() {
 }
 
 #[test]
+fn a_register_with_the_same_number_on_all_paths_is_known() {
+    let feed = |other: u32| {
+        let program = program_of(&format!("R[1]=30\nIF DI[1]=ON,R[1]={other}\nL P[2] R[1]mm/sec FINE"), &[]);
+        program.targets[0].feed_mm_s
+    };
+    assert_eq!([feed(30), feed(20)], [Some(30.0), None]);
+}
+
+#[test]
 fn a_counted_loop_within_an_endless_one_is_followed() {
     assert_eq!(edits("LBL[1]\nFOR R[1]=2 TO 3\nL P[R[1]] 30mm/sec FINE\nENDFOR\nJMP LBL[1]"), [2, 3]);
     let counted = "LBL[1]\nR[1]=2\nLBL[2]\nL P[R[1]] 30mm/sec FINE\nR[1]=R[1]+1\nIF R[1]<=3,JMP LBL[2]\nJMP LBL[1]";

@@ -257,7 +257,8 @@ impl Runner<'_> {
         }
         let (tool, wobj) = (self.tool_index()?, self.wobj_index()?);
         let target = self.target_here(Goal::Joints { deg }, [tool, wobj], span);
-        let record = Value::record(EXTERNAL.into_iter().filter_map(|name| Some((name, end.component(name)?.clone()))));
+        let external = EXTERNAL.into_iter().filter_map(|name| Some((name, end.component(name)?.without_literal())));
+        let record = Value::record(external);
         let at = EXTERNAL.map(|name| end.component(name).and_then(Value::number));
         self.state.values.insert(POSITION, record);
         self.state.values.insert(TURNED, Value::unknown(Reason::BeforeOnAxes));
@@ -295,7 +296,8 @@ impl Runner<'_> {
         let was = if let Value::Unknown(_, Some(was)) = &before { Some(was) } else { None };
         for (to, name) in found.external.iter_mut().zip(EXTERNAL) {
             let stays = || was?.component(name).filter(|axis| axis.number().is_none());
-            *to = value.component(name).or_else(|| before.component(name)).or_else(stays).cloned();
+            // deflex edits no axis, so that its place is the same whichever literal gives it.
+            *to = value.component(name).or_else(|| before.component(name)).or_else(stays).map(Value::without_literal);
         }
         Ok(found)
     }

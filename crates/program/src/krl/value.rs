@@ -86,6 +86,11 @@ impl Value {
         Some(Self::Number(to, Some(Literal { offset: literal.offset + (to - from), ..*literal })))
     }
 
+    /// A number without its literal, which is not edited; any other value itself.
+    pub(super) fn without_literal(&self) -> Self {
+        self.number().map_or_else(|| self.clone(), |number| Self::Number(number, None))
+    }
+
     pub(super) fn bool(&self) -> Option<bool> {
         if let Self::Bool(value) = self { Some(*value) } else { None }
     }
@@ -217,7 +222,8 @@ impl Value {
         Self::Unknown(why, Some(Rc::new(Self::Array(Rc::new(all)))))
     }
 
-    /// Joins the values of two paths: parts that differ become unknown, and their tokens go to `lost`.
+    /// Joins the values of two paths: parts that differ become unknown. The tokens of parts that differ, or that come from different tokens,
+    /// go to `lost`.
     pub(super) fn join(&self, other: &Self, reason: Reason, lost: &mut HashSet<SourceSpan>) -> Self {
         if self == other {
             return self.clone();
@@ -226,6 +232,9 @@ impl Value {
             return parts;
         }
         [self, other].iter().for_each(|value| lost.extend(value.tokens()));
+        if self.number().is_some() && self.number() == other.number() {
+            return self.without_literal();
+        }
         // A value that is set on only one of the two paths counts as set.
         let unknown = |value: &Self| value.why().filter(|why| *why != Reason::Unset);
         Self::unknown([self, other].into_iter().find_map(unknown).unwrap_or(reason))
