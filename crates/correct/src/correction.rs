@@ -6,6 +6,7 @@ use super::deviation::{self, Commanded};
 use super::flow::{StreamError, Unsolved};
 use super::inserted::Stops;
 use super::laws::Laws;
+use super::load::PointLoad;
 use super::ordered::{Ordered, Turn};
 use super::point::Point;
 use super::segment::Start;
@@ -119,7 +120,10 @@ pub(super) fn solve(
         // A motion to an unknown end may meet the stock.
         let stays_out = !target.located && cell.stock.is_none() && !Laws::lacks_speed(cell, target);
         let is_known = point.unsolved.is_none() || stays_out;
-        !Laws::cuts(cell, target) && is_known && !touches && !prepared.turns_are_chosen
+        // A motion to where the tool stands already, such as the start of a contour after the approach to it, has no feed direction.
+        let is_still = matches!(point.load, PointLoad::Air) && point.velocity == Vector3::zeros();
+        let stands = is_still && point.unsolved.is_none();
+        (stands || !Laws::cuts(cell, target)) && is_known && !touches && !prepared.turns_are_chosen
     };
     let mut air: Vec<bool> = match is_edited {
         true => program.targets.iter().zip(&prepared.points).map(is_air).collect(),
