@@ -390,23 +390,26 @@ impl Walk<'_, '_> {
             Some(PointLoad::Law { wobj_from_feed, .. }) => Some(wobj_from_feed),
             _ => None,
         });
+        let table = self.options.has_force_table(self.cell);
+        let in_feed_frame = self.carried.laws.in_feed_frame((target, tool), table);
         // CL data without a feed have none at run time either: such a motion counts as air.
-        let is_cut_unknown = self.program.language != Language::Cl
-            && self.carried.laws.is_cut_unknown(target, tool)
-            && !self.options.has_force_table(self.cell);
+        let is_cut_unknown =
+            self.program.language != Language::Cl && self.carried.laws.is_cut_unknown(target, tool) && !table;
         let unknown = if is_cut_unknown {
             Some(KeptReason::CutUnknown)
         } else {
             // A plunge before all other cuts has no force.
             let has_frame = frame.is_some() || held.is_some() || previous.is_none() && direction.is_some();
-            let is_unknown = self.depends_on_unknown(target, starts_unknown, has_frame);
+            // Only the direction is known of a path that does not begin at the target before.
+            let has_begin = target.begins_mm.is_some() && stand.moved.is_none();
+            let is_way_known = has_begin && feed_frame.is_some() && in_feed_frame;
+            let is_unknown = self.depends_on_unknown(target, (starts_unknown, is_way_known), has_frame);
             is_unknown.then_some(KeptReason::PredecessorUnknown)
         };
         if let Some(why) = unknown {
             let dragged = Dragged { motor, twist: Joints::zeros(), travel };
             return self.leave(target, why, (wobj_from_tcp, dragged), setting_and_tool, stand);
         }
-        let table = self.options.has_force_table(self.cell);
         let (cut, given, axes) = ((target, tool), row.and_then(|r| r.force), (frame, leaned, held));
         let load = match self.carried.laws.load(cut, given, axes, &wobj_from_tcp, table) {
             Ok(load) => load,
@@ -417,7 +420,7 @@ impl Walk<'_, '_> {
             Err(Refusal { code, message, help }) => return self.refuse(target, code, &message, &help),
         };
         let cuts = !matches!(load, PointLoad::Air);
-        let plunges = length > CHORD && feed_frame.is_none() && self.carried.laws.in_feed_frame((target, tool), table);
+        let plunges = length > CHORD && feed_frame.is_none() && in_feed_frame;
         let point = Point {
             setting,
             moved: stand.moved.clone(),
@@ -539,7 +542,12 @@ impl Walk<'_, '_> {
     }
 
     /// Whether the force or the error at a target depends on motions before it that are unknown.
-    fn depends_on_unknown(&self, target: &Target, starts_unknown: bool, has_frame: bool) -> bool {
+    fn depends_on_unknown(
+        &self,
+        target: &Target,
+        (starts_unknown, is_way_known): (bool, bool),
+        has_frame: bool,
+    ) -> bool {
         /// Largest unknown part of the travel: 0.1 µm for a gap of 1e-4 rad at an arm of 1 m, less than programs print.
         const UNKNOWN_TRAVEL: f64 = 1e-3;
         let arm = &self.cell.arm;
@@ -547,7 +555,7 @@ impl Walk<'_, '_> {
         // A cut along the tool axis takes its directions from the cut before it, which is not computed if that was kept. The first target
         // takes them from the way to the next one, which may be unknown too.
         let frame_is_unknown = !has_frame && self.last().is_none_or(|last| last.unsolved.is_some());
-        starts_unknown && (follows_the_way || arm.follows_travel() || arm.needs(Need::Speed))
+        starts_unknown && (follows_the_way && !is_way_known || arm.follows_travel() || arm.needs(Need::Speed))
             || frame_is_unknown && follows_the_way
             || self.carried.unknown_travel.amax() > UNKNOWN_TRAVEL
     }
@@ -617,6 +625,9 @@ impl Walk<'_, '_> {
             Goal::Joints { .. } => None,
         };
         let Some(here) = at(target) else { return Vector3::zeros() };
+        if let Some(begins_mm) = target.begins_mm.filter(|_| stand.moved.is_none()) {
+            return here - Vector3::from(begins_mm) * 1e-3;
+        }
         let previous = self.points.last().or(self.carried.before.as_ref()).filter(|_| !stand.apart);
         if let Some(previous) = previous.filter(|previous| previous.is_located()) {
             let there = previous.wobj_from_tcp.translation;

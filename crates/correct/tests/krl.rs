@@ -1,9 +1,9 @@
-//! KRL in a cell whose force follows the feed: cuts at the start of a contour.
+//! KRL in a cell whose force follows the feed: cuts after a branch, and at the start of a contour.
 
 #![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
 
 use deflex_cell::Cell;
-use deflex_correct::{Options, Row, compensate};
+use deflex_correct::{Options, Row, Status, compensate};
 use deflex_program::krl;
 use deflex_text::Source;
 
@@ -41,6 +41,20 @@ fn rows(body: &str) -> Vec<Row> {
     let program = krl::read(vec![Source::new("p.src", text), Source::new("p.dat", points)], Vec::new()).unwrap();
     let cell = Cell::read(&Source::new("cell.toml", CELL)).unwrap();
     compensate(&program, &cell, &Options::default()).unwrap().rows
+}
+
+/// The second branch is corrected as if the program had no other. After the branches, the way has two possible starts.
+#[test]
+fn each_branch_has_the_force_of_its_own_way() {
+    let [before, then, other, after] = [lin(0, 0), lin(50, 0), lin(0, 50), lin(50, 50)];
+    let both = rows(&format!("{before}IF $IN[1] THEN\n{then}ELSE\n{other}ENDIF\n{after}"));
+    let alone = rows(&format!("{before}{other}"));
+    let kept: Vec<bool> = both.iter().map(|row| matches!(row.status, Status::Kept(_))).collect();
+    assert_eq!(kept, [false, false, false, true]);
+    let apart =
+        |a: &Row, b: &Row| a.correction_mm.iter().zip(b.correction_mm).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(apart(&both[2], &alone[1]) < 1e-3, "{both:?} {alone:?}");
+    assert!(apart(&both[2], &both[1]) > 0.1, "{both:?}");
 }
 
 /// The first round of a closed contour begins at its start, where the tool stands already. It cuts nothing, and each round ends there.

@@ -55,6 +55,9 @@ pub struct Target {
     pub line: u32,
     /// Where the segment to it begins.
     pub predecessor: Predecessor,
+    /// The position at which the segment begins, mm, with its tool and work object, if that is known and not the target before: the motion
+    /// before a branch, at the beginning of each of its paths.
+    pub begins_mm: Option<[f64; 3]>,
     /// How the controller turns the tool on the arc to it; `None` if the program does not state it.
     pub arc_turn: Option<ArcTurn>,
 }
@@ -89,6 +92,7 @@ impl Target {
             span: place.span,
             line,
             predecessor: Predecessor::Previous,
+            begins_mm: None,
             arc_turn: None,
         }
     }

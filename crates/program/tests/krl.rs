@@ -1081,6 +1081,26 @@ fn a_counted_loop_within_an_endless_one_is_followed() {
     assert_eq!((positions(&p), editable(&p)), (vec![[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]], vec!['P', 'P']));
 }
 
+/// Both branches begin where the motion before them ends, and the motion after them where either of them ends.
+#[test]
+fn the_beginning_of_each_branch_is_known() {
+    let lin = |x: u32| format!("LIN {{X {x}.0,Y 0.0,Z 0.0,A 0.0,B 90.0,C 0.0}}\n");
+    let begins = |body: &str| -> Vec<Option<f64>> {
+        program(body).targets.iter().map(|target| target.begins_mm.map(|at| at[0])).collect()
+    };
+    let branches = format!("IF $IN[1] THEN\n{}ELSE\n{}ENDIF\n{}", lin(2), lin(3), lin(4));
+    assert_eq!(begins(&format!("{}{branches}", lin(1))), [None, None, Some(1.0), None]);
+    // The motion at L1 comes after the one at L2.
+    let back = "GOTO L2\nL1:\nLIN P2\nGOTO L3\nL2:\nLIN P1\nGOTO L1\nL3:"
+        .replace("LIN P1\n", &lin(1))
+        .replace("LIN P2\n", &lin(2));
+    assert_eq!(begins(&format!("IF $IN[1] THEN\nGOTO L3\nENDIF\n{back}")), [Some(1.0), None]);
+    // The frame in which it is counted may have changed, or is no base.
+    assert_eq!(begins(&format!("{}$BASE=BASE_DATA[2]\n{branches}", lin(1))), [None; 4]);
+    let in_tool = format!("$IPO_MODE=#TCP\n{}$IPO_MODE=#BASE\n{branches}", lin(1));
+    assert_eq!(begins(&in_tool), [None; 4]);
+}
+
 /// The motion at L1 comes after the one at L2, which stands below it in the text: that of the present round, not the one recorded last.
 #[test]
 fn a_jump_back_begins_at_no_motion_of_an_earlier_round() {

@@ -177,7 +177,13 @@ impl Runner<'_> {
         let located = unlocated.is_none();
         let arc_turn = on_arc.unwrap_or(None);
         let here = self.target_here(goal, [tool, wobj], span);
-        let target = Target { motion, feed_mm_s: feed, editable, located, name, arc_turn, ..here };
+        let begins_mm = match (motion, self.predecessor()) {
+            (Motion::Linear, Predecessor::Unknown) if self.orientation_before().is_some() => {
+                self.settled(POSITION).numbers([b"X", b"Y", b"Z"])
+            }
+            _ => None,
+        };
+        let target = Target { motion, feed_mm_s: feed, editable, located, name, begins_mm, arc_turn, ..here };
         if let Some(via) = via {
             self.via(via, &to, &target)?;
         }
@@ -193,7 +199,7 @@ impl Runner<'_> {
         let named = EXTERNAL.into_iter().zip(to.external.clone()).filter_map(|(name, axis)| Some((name, axis?)));
         let record = Value::record(POSE.into_iter().zip(numbers).chain(named));
         self.state.values.insert(POSITION, record);
-        self.note_orientation(&to, turns.is_ok());
+        self.note_orientation(&to, turns.is_ok() && located);
         let approximation_mm = self.value(APPROXIMATION).component(b"CDIS").and_then(Value::number);
         self.push(target, PositionTokens { approximation_mm, ..PositionTokens::of(to.literals) }, external);
         Ok(())
