@@ -110,7 +110,7 @@ pub trait Machine {
     /// Makes the last motion of the arm unknown, because the loop continues after this state has left it and may repeat a motion.
     fn lose_place(&self, state: &mut Self::State);
 
-    /// Forgets the last recorded motion, unless the arm stands at its end: the next motions may come in another order than they are recorded,
+    /// Forgets the last recorded motion, unless the arm stands at its end. The next motions may run in another order than they are recorded,
     /// and one of them may be the same statement in a later round.
     fn forget_last(&mut self, state: &Self::State);
 

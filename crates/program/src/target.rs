@@ -55,8 +55,8 @@ pub struct Target {
     pub line: u32,
     /// Where the segment to it begins.
     pub predecessor: Predecessor,
-    /// The position at which the segment begins, mm, with its tool and work object, if that is known and not the target before: the motion
-    /// before a branch, at the beginning of each of its paths.
+    /// The position at which the segment begins, mm, with its tool and work object, if that is known and not the target before. Each path
+    /// of a branch begins where the motion before the branch ends.
     pub begins_mm: Option<[f64; 3]>,
     /// How the controller turns the tool on the arc to it; `None` if the program does not state it.
     pub arc_turn: Option<ArcTurn>,
