@@ -1013,6 +1013,25 @@ fn targets_that_others_use_or_see_are_bound_to_their_point() {
     assert_eq!(bound(one, "PROC service()\none p2;\nENDPROC\n"), [1]);
 }
 
+/// A force that depends on the feed has another direction in a routine that comes to the same target from elsewhere.
+#[test]
+fn routines_without_a_caller_that_feed_from_elsewhere_make_the_start_unknown() {
+    use deflex_program::Predecessor::{Previous, Start, Unknown};
+    let starts = |service: &str| {
+        let main = "MoveL p1,v10,z1,tool0;\nMoveL p2,v10,z1,tool0;\n";
+        let p = program(&with_copies(main, &format!("PROC service()\n{service}ENDPROC\n")));
+        p.targets.iter().map(|target| target.predecessor).collect::<Vec<_>>()
+    };
+    let other = format!("MoveL {OTHER},v10,fine,tool0;\n");
+    let [p1, p2] = ["MoveL p1,v9,fine,tool0;\n", "MoveL p2,v9,fine,tool0;\n"];
+    assert_eq!(starts(&format!("{other}{p2}")), [Start, Unknown]);
+    assert_eq!(starts(&format!("IF di1=1 THEN\n{other}ELSE\n{p1}ENDIF\n{p2}")), [Start, Unknown]);
+    // The same feed in another statement, the first motion of a routine, and a joint motion.
+    for service in [format!("{p1}{p2}"), p2.to_owned(), format!("{other}{}", p2.replace("MoveL", "MoveJ"))] {
+        assert_eq!(starts(&service), [Start, Previous], "{service}");
+    }
+}
+
 /// A motion that goes along with the program is not kept, and one that a routine of the program makes elsewhere is.
 #[test]
 fn motions_without_a_caller_that_stay_are_counted() {

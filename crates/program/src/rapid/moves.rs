@@ -85,12 +85,13 @@ impl<'a> Runner<'a> {
             let Some(deg) = value.joints() else {
                 return self.keep_motion(span, Reason::JointsComputed);
             };
+            let target = Target { goal: Goal::Joints { deg }, ..target };
             if !self.is_real() {
                 return self.arrive(&target, None);
             }
             let external_axes = self.external_axes(&external, Role::End, plain);
             let located = self.axes_unknown(&external).is_none();
-            let target = Target { goal: Goal::Joints { deg }, external: external_axes, located, ..target };
+            let target = Target { external: external_axes, located, ..target };
             return self.push(target, TargetInText::None);
         }
         // An arc is known only if both its points are.
@@ -190,6 +191,10 @@ impl<'a> Runner<'a> {
     /// Adds one robtarget of a motion as a target.
     fn point(&mut self, scope: Scope, pose: &Pose, argument: &Expression, mut target: Target) {
         let written = &pose.written;
+        // After `ConfJ\Off`, the controller ignores the configuration.
+        let is_stated = target.motion != Motion::Joint || self.state.modal.nearest == OnOff::Off;
+        let conf = written.conf.filter(|_| is_stated);
+        target.goal = Goal::Pose { position_mm: written.position_mm, quat: unit(written.quat), conf };
         if !self.is_real() {
             if self.is_recording {
                 self.use_aside(&target, pose);
@@ -197,10 +202,6 @@ impl<'a> Runner<'a> {
             self.axes_go_to(&written.external, false);
             return self.arrive(&target, pose.root);
         }
-        // After `ConfJ\Off`, the controller ignores the configuration.
-        let is_stated = target.motion != Motion::Joint || self.state.modal.nearest == OnOff::Off;
-        let conf = written.conf.filter(|_| is_stated);
-        target.goal = Goal::Pose { position_mm: written.position_mm, quat: unit(written.quat), conf };
         let bytes = self.bytes(scope.source as usize);
         let named = !matches!(argument.kind, ExpressionKind::Literal(_) | ExpressionKind::Aggregate(_));
         if named && pose.steps.is_empty() {
@@ -248,7 +249,7 @@ impl<'a> Runner<'a> {
 
     /// The robot arrives at a target.
     fn arrive(&mut self, target: &Target, root: Option<u32>) {
-        let here = Standing { source: target.source, start: target.span.start, root };
+        let here = Standing::at(target, root);
         self.step_aside(Some((target, here)));
         self.state.stands = Stands::At(self.site(target.span));
         self.state.standing = BTreeSet::from([here]);

@@ -81,8 +81,8 @@ impl Runner<'_> {
         for i in 0..self.found.targets.len() {
             let root = self.found.root(&self.found.sites[i]);
             let target = &mut self.found.targets[i];
-            let standing = Standing { source: target.source, start: target.span.start, root };
-            let is_counted = self.found.counted_from.contains(&standing);
+            let standing = Standing::at(target, root);
+            let is_counted = self.found.counted_from.iter().any(|from| from.is_of_same_motion(&standing));
             let is_open = !matches!(target.editable, Editable::No(why) if why != Reason::OffsetWithExpression);
             if is_counted && target.is_end() && is_open {
                 target.editable = Editable::No(Reason::DisplacementCounts);

@@ -41,6 +41,9 @@ pub(super) struct ArcAside {
 pub(super) struct Step {
     pub(super) from: Option<Standing>,
     pub(super) to: Option<Standing>,
+    /// Whether it may be a cut whose feed has another direction than in the program. The first motion of a routine has the direction of the
+    /// next one.
+    pub(super) cuts: bool,
 }
 
 /// The use of a target by a motion in a routine that nothing runs.

@@ -3,7 +3,7 @@
 use super::lasting::{Lasting, LastingStates};
 use super::value::Value;
 use super::values::Values;
-use crate::{ArcTurn, EXTERNAL_AXES, External, Mark, Reason};
+use crate::{ArcTurn, EXTERNAL_AXES, External, Goal, Mark, Reason, Target};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Whether a mode is switched on.
@@ -132,7 +132,36 @@ pub(super) struct Standing {
     pub(super) start: u32,
     /// The robtarget in the text from which it is made.
     pub(super) root: Option<u32>,
+    pub(super) place: Place,
 }
+
+impl Standing {
+    pub(super) fn at(target: &Target, root: Option<u32>) -> Self {
+        let Target { tool, wobj, source, span, ref goal, .. } = *target;
+        let mut at = [0.0; JOINTS];
+        match goal {
+            Goal::Pose { position_mm, .. } | Goal::Axis { position_mm, .. } => at[..3].copy_from_slice(position_mm),
+            Goal::Joints { deg } => at = *deg,
+        }
+        Self { source, start: span.start, root, place: Place { tool, wobj, at: at.map(f64::to_bits) } }
+    }
+
+    /// Whether it is by the same statement from the same robtarget, at whatever place.
+    pub(super) fn is_of_same_motion(&self, other: &Self) -> bool {
+        Self { place: other.place, ..*self } == *other
+    }
+}
+
+/// Where a motion ends: its frames, and the bits of its position (mm) or its joints (°).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) struct Place {
+    tool: u16,
+    wobj: u16,
+    at: [u64; JOINTS],
+}
+
+/// Number of the arm's joints.
+const JOINTS: usize = 6;
 
 /// The state between two steps.
 #[derive(Clone, Debug, Default)]

@@ -6,7 +6,7 @@ use super::known::{Changes, RoutineId};
 use super::motion;
 use super::ran::{ArcAside, Step, Use, Way};
 use super::runner::{Mode, Numbers, Reached, Runner};
-use super::state::{ModalState, OnOff, Standing, Stands};
+use super::state::{ModalState, OnOff, Place, Standing, Stands};
 use super::symbols::Upper;
 use super::tree::{Data, RoutineKind, Statement, Storage, statements};
 use super::value::{Number, OffsetStep, Pose, axes_in_use};
@@ -83,13 +83,15 @@ impl<'a> Runner<'a> {
             return;
         }
         let to = next.map(|(_, here)| here);
+        let cuts = self.state.stands != Stands::Start && next.is_some_and(|(target, _)| Way::of(target).cuts);
         let known = matches!(self.state.stands, Stands::At(_));
         if self.state.stands != Stands::Start {
-            let from = self.state.standing.iter().map(|from| Step { from: Some(*from), to: to.filter(|_| known) });
+            let from =
+                self.state.standing.iter().map(|from| Step { from: Some(*from), to: to.filter(|_| known), cuts });
             self.reached.steps_aside.extend(from);
         }
         if !known || self.state.standing.is_empty() {
-            self.reached.steps_aside.insert(Step { from: None, to });
+            self.reached.steps_aside.insert(Step { from: None, to, cuts });
         }
         if let (Some((target, here)), Some(by)) = (next, self.started_aside())
             && self.reached.ran.has(usize::from(target.source), target.span.start)
@@ -420,24 +422,48 @@ impl<'a> Runner<'a> {
     }
 
     /// Binds the numbers of motions to their own point that a routine that nothing runs also uses, unless it has the same motions before and
-    /// after it: a displacement because of its neighbours would be wrong there.
+    /// after it: a displacement because of its neighbours would be wrong there. If it cuts there with a feed from another place, the start of
+    /// the program's own segment counts as unknown: a force that depends on the feed has no single correction.
     pub(super) fn bind_what_steps_otherwise(&mut self) {
         if self.reached.steps_aside.is_empty() {
             return;
         }
-        let (targets, sites) = (&self.found.targets, &self.found.sites);
-        let standing = |i: usize| {
-            let target = &targets[i];
-            Standing { source: target.source, start: target.span.start, root: self.found.root(&sites[i]) }
-        };
-        let follows = |i: &usize| *i > 0 && targets[*i].predecessor == Predecessor::Previous;
-        let steps: HashSet<Step> = (0..targets.len())
-            .filter(follows)
-            .map(|i| Step { from: Some(standing(i - 1)), to: Some(standing(i)) })
+        let targets = &self.found.targets;
+        let standing: Vec<Standing> = targets
+            .iter()
+            .zip(&self.found.sites)
+            .map(|(target, site)| Standing::at(target, self.found.root(site)))
             .collect();
-        let others = std::mem::take(&mut self.reached.steps_aside).into_iter().filter(|step| !steps.contains(step));
-        let places = others.flat_map(|Step { from, to }| [from, to]).flatten();
-        self.found.bound_to_point.extend(places.filter_map(|place| place.root));
+        let follows = |i: &usize| *i > 0 && targets[*i].predecessor == Predecessor::Previous;
+        let steps: Vec<[Standing; 2]> =
+            (0..targets.len()).filter(follows).map(|i| [standing[i - 1], standing[i]]).collect();
+        let feeds: HashSet<[Place; 2]> = steps.iter().map(|step| step.map(|end| end.place)).collect();
+        let steps: HashSet<[Standing; 2]> = steps.into_iter().collect();
+        let (mut fed_otherwise, mut fed_places) = (HashSet::new(), HashSet::new());
+        for Step { from, to, cuts } in std::mem::take(&mut self.reached.steps_aside) {
+            let step = from.zip(to).map(<[Standing; 2]>::from);
+            if step.is_some_and(|step| steps.contains(&step)) {
+                continue;
+            }
+            self.found.bound_to_point.extend([from, to].into_iter().flatten().filter_map(|place| place.root));
+            let is_fed_alike = step.is_some_and(|step| feeds.contains(&step.map(|end| end.place)));
+            let to = to.filter(|_| cuts && !is_fed_alike);
+            fed_otherwise.extend(to);
+            fed_places.extend(to.map(|to| (to.root, to.place)));
+        }
+        for ((target, site), own) in self.found.targets.iter_mut().zip(&self.found.sites).zip(standing) {
+            // An offset has the numbers of its statement.
+            let is_shared = match site {
+                TargetInText::None => false,
+                TargetInText::Literal { literal, .. } => {
+                    fed_places.contains(&(own.root, own.place)) && !self.numbers.held.contains(&Number::Literal(*literal))
+                }
+                TargetInText::Offset(_) => fed_otherwise.contains(&own),
+            };
+            if is_shared {
+                target.predecessor = Predecessor::Unknown;
+            }
+        }
     }
 
     /// Names the routines that nothing calls and because of which alone targets are kept, and what these call that is in no file.
