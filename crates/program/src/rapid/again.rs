@@ -5,12 +5,12 @@
 //! editable parts. Every decision from the text about one of them applies to all. Their number is bounded by the text, however many motions
 //! are executed.
 
-use super::TargetInText;
 use super::agreed::Again;
 use super::gathering::{Gathering, Motion, OffsetBy, Point};
 use super::runner::Runner;
+use super::{Given, TargetInText};
 use crate::chunk::StreamableChunk;
-use crate::{Editable, Program, Role, Target, UnknownMotion};
+use crate::{Editable, Predecessor, Program, Role, Target, UnknownMotion};
 use std::sync::Arc;
 
 impl Runner<'_> {
@@ -41,8 +41,18 @@ impl Runner<'_> {
             Gathering::Chunks(emitter) => {
                 let known = emitter.found.known.get(&motion).filter(|_| emitter.muted.is_none());
                 if let Some(known) = known {
-                    for (target, like) in self.found.targets[from..].iter_mut().zip(*known..) {
-                        target.editable = emitter.like.targets[like as usize].editable;
+                    let sites = &super::Layout::of(&emitter.like).map_or(&[][..], |layout| &layout.sites);
+                    let own = self.found.targets[from..].iter_mut().zip(&mut self.found.sites[from..]);
+                    for ((target, site), like) in own.zip(*known..) {
+                        // It may be corrected by its base.
+                        if let Some(TargetInText::Literal { literal, given: Given::Base }) = sites.get(like as usize) {
+                            *site = TargetInText::Literal { literal: *literal, given: Given::Base };
+                        }
+                        let like_target = &emitter.like.targets[like as usize];
+                        target.editable = like_target.editable;
+                        if like_target.predecessor == Predecessor::Unknown {
+                            target.predecessor = Predecessor::Unknown;
+                        }
                         emitter.alike.push(like);
                     }
                 }
@@ -86,7 +96,7 @@ impl Runner<'_> {
             TargetInText::Offset(at) => &self.found.offsets[*at as usize].steps[..],
             _ => &[],
         };
-        let edited = target.editable == Editable::Position;
+        let edited = target.editable == Editable::Position || Self::is_computed_shift(target, steps);
         let step = |step: &super::OffsetStep| {
             let stated = step.stated_mm.map(|stated| stated.unwrap_or(f64::NAN));
             let numbers = if edited { [&step.offset_mm[..], &step.turn, &stated].concat() } else { vec![0.0; 10] };

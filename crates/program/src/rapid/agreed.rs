@@ -88,14 +88,15 @@ impl Again {
         let changes = wanted.changes;
         let mut writer = Writer::new(program, layout, wanted.options);
         let (nothing, mut along) = (Settled::default(), Vec::new());
+        let of_numbers = writer.of_numbers(changes);
         let settled = match &self.agreement {
             Agreement::None => &nothing,
             Agreement::Open(wanted) => {
-                wanted.add(&writer, &self.alike, changes);
+                wanted.add(&writer, &self.alike, [changes, &of_numbers]);
                 &nothing
             }
             Agreement::Known(agreed) => {
-                along = agreed.keep(&mut writer, changes);
+                along = agreed.keep(&mut writer, &of_numbers);
                 &agreed.settled
             }
         };
@@ -108,8 +109,8 @@ impl Again {
 }
 
 impl WantedValues {
-    /// Adds the wanted values of a chunk's targets.
-    fn add(&self, writer: &Writer<'_>, alike: &[u32], changes: &[Option<Change>]) {
+    /// Adds the wanted values of a chunk's targets, from their changes and those of their numbers.
+    fn add(&self, writer: &Writer<'_>, alike: &[u32], [changes, of_numbers]: [&[Option<Change>]; 2]) {
         let targets = &writer.program.targets;
         let mut at = 0;
         while at < targets.len() {
@@ -117,7 +118,7 @@ impl WantedValues {
             let motion = at..(end + 1).min(targets.len());
             let wanted = Wanted {
                 ordinal: targets[at].ordinal,
-                edits: motion.clone().map(|i| wanted_edit(writer, i, changes[i].as_ref())).collect(),
+                edits: motion.clone().map(|i| wanted_edit(writer, i, of_numbers[i].as_ref())).collect(),
                 changes: changes[motion.clone()].iter().cloned().collect(),
             };
             let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);

@@ -235,6 +235,8 @@ enum Given {
     Declared(SourceSpan),
     /// By another name: a parameter, or data that take their value from the declaration.
     Otherwise,
+    /// As the base of an offset that the program computes: a shift of the literal is one of the target.
+    Base,
 }
 
 /// A target made from a literal by `Offs` and `RelTool`, innermost first; the outermost carries the edit.

@@ -3,8 +3,8 @@
 use super::runner::Runner;
 use super::state::Standing;
 use super::tree::{File, RoutineKind, StatementKind};
-use super::value::Number;
-use super::{Given, Layout, TargetInText};
+use super::value::{Number, OffsetStep};
+use super::{Given, Layout, Offset, TargetInText};
 use crate::{Editable, Goal, Language, Motion, Program, Reason, Role, Target};
 use deflex_lang::ir::SourceSpan;
 use std::collections::HashSet;
@@ -24,6 +24,7 @@ impl Runner<'_> {
         let streamable = plain && self.inline();
         self.refuse_what_calls_itself();
         self.hold_what_cannot_stand();
+        self.correct_by_bases();
         // One refusal may lead to another.
         loop {
             let before = self.refused();
@@ -86,6 +87,28 @@ impl Runner<'_> {
             let is_open = !matches!(target.editable, Editable::No(why) if why != Reason::OffsetWithExpression);
             if is_counted && target.is_end() && is_open {
                 target.editable = Editable::No(Reason::DisplacementCounts);
+            }
+        }
+    }
+
+    /// Whether a motion goes along the axes of the work object to an offset that the program computes: a shift of its base shifts it as much.
+    pub(super) fn is_computed_shift(target: &Target, steps: &[OffsetStep]) -> bool {
+        target.editable == Editable::No(Reason::OffsetWithExpression)
+            && target.motion == Motion::Linear
+            && steps.iter().all(OffsetStep::is_computed_shift)
+    }
+
+    /// Lets motions to computed offsets have their corrections by the numbers of their bases, unless other routines use these as well.
+    fn correct_by_bases(&mut self) {
+        let aside: HashSet<u32> = self.reached.aside.iter().map(|other| other.root).collect();
+        for (target, site) in self.found.targets.iter_mut().zip(&mut self.found.sites) {
+            let TargetInText::Offset(at) = *site else { continue };
+            let Offset { root, steps } = &self.found.offsets[at as usize];
+            let is_written = usize::from(self.numbers.literals[*root as usize].source) < self.written;
+            let is_held = self.numbers.held.contains(&Number::Literal(*root)) || aside.contains(root);
+            if is_written && !is_held && Self::is_computed_shift(target, steps) {
+                target.editable = Editable::Pose;
+                *site = TargetInText::Literal { literal: *root, given: Given::Base };
             }
         }
     }

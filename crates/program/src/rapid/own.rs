@@ -1,9 +1,9 @@
 //! Literals with one motion each. No other motion uses them, so a change becomes an edit at once. The result is that of
 //! [`Writer::literals`](super::rewrite) and the steps after it.
 
-use super::TargetInText;
 use super::literal::{Literal, POSE};
 use super::writer::{Pose, Writer, toward};
+use super::{Given, TargetInText};
 use crate::token::{MAX_DECIMALS, single};
 use crate::{Change, Editable, Goal, RewriteOptions};
 use deflex_text::number::{Fixed, Leading, Numbers, Printed, read_leading};
@@ -45,11 +45,11 @@ pub(super) fn is_own(sites: &[TargetInText]) -> bool {
     let mut next = 0;
     sites.iter().all(|site| match site {
         TargetInText::None => true,
+        TargetInText::Literal { given: Given::Base, .. } | TargetInText::Offset(_) => false,
         TargetInText::Literal { literal, .. } => {
             next += 1;
             *literal + 1 == next
         }
-        TargetInText::Offset(_) => false,
     })
 }
 

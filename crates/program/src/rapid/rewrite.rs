@@ -83,9 +83,11 @@ pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) ->
 
 /// As [`rewrite`], for literals with several users, with the new literals and offsets; its reference in tests.
 pub(super) fn rewrite_agreed(program: &Program, layout: &Layout, wanted: Wanted<'_>) -> (Rewritten, Settled) {
+    let writer = Writer::new(program, layout, wanted.options);
+    let wanted = Wanted { changes: &writer.of_numbers(wanted.changes), ..wanted };
     let Agreed { changes, along, owned } = agreed(program, &wanted, |i| layout.numbers(i));
     let changes = &*changes;
-    let mut writer = Writer { along, ..Writer::new(program, layout, wanted.options) };
+    let mut writer = Writer { along, ..writer };
     let stays = (0..changes.len()).filter(|i| wanted.options.stays.get(*i) == Some(&true));
     writer.frozen.extend(stays.filter_map(|i| layout.root(i)).map(Number::Literal));
     let mut settled = Settled::default();
@@ -348,7 +350,8 @@ impl Writer<'_> {
         let (position, quat) = match self.layout.sites[i] {
             TargetInText::Literal { literal, .. } => {
                 let print = cloned.get(&i).or_else(|| print(literal));
-                self.literal_pose(&self.layout.literals[literal as usize], print)
+                let (position, quat) = self.literal_pose(&self.layout.literals[literal as usize], print);
+                (self.from_base(i, position), quat)
             }
             TargetInText::Offset(at) => {
                 let offset = &self.layout.offsets[at as usize];

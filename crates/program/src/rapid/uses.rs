@@ -456,7 +456,8 @@ impl<'a> Runner<'a> {
             let is_shared = match site {
                 TargetInText::None => false,
                 TargetInText::Literal { literal, .. } => {
-                    fed_places.contains(&(own.root, own.place)) && !self.numbers.held.contains(&Number::Literal(*literal))
+                    fed_places.contains(&(own.root, own.place))
+                        && !self.numbers.held.contains(&Number::Literal(*literal))
                 }
                 TargetInText::Offset(_) => fed_otherwise.contains(&own),
             };

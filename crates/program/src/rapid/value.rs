@@ -78,6 +78,11 @@ impl OffsetStep {
         self.tokens.map(|tokens| tokens[0])
     }
 
+    /// Whether it adds numbers that are not in the text, along the axes of the work object.
+    pub(super) fn is_computed_shift(&self) -> bool {
+        *self == Self { offset_mm: self.offset_mm, ..Self::NONE }
+    }
+
     /// The pose after this step.
     pub(crate) fn apply(&self, position: [f64; 3], quat: [f64; 4]) -> ([f64; 3], [f64; 4]) {
         let d = if self.in_tool { rotate(unit(quat), self.offset_mm) } else { self.offset_mm };

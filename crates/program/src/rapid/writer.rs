@@ -1,13 +1,14 @@
 //! Corrections as text: the new tokens of literals, and the poses that the text states afterwards.
 
-use super::Layout;
 use super::literal::Literal;
 use super::value::{Number, quarters, unit};
+use super::{Given, Layout, TargetInText};
 use crate::EXTERNAL_AXES;
 use crate::token::{New, signed, single};
 use crate::{Change, Conf, Editable, Goal, Program, Reason, RewriteOptions};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Content, Edit, Span, Token};
+use std::borrow::Cow;
 use std::collections::HashSet;
 
 /// New token texts of one literal; `None` for tokens that stay.
@@ -72,9 +73,41 @@ impl<'a> Writer<'a> {
 
     /// Whether a change differs from the text.
     pub(super) fn differs(&self, i: usize, change: &Change) -> bool {
-        let goal = &self.program.targets[i].goal;
-        let conf = if let Goal::Pose { conf, .. } = goal { *conf } else { None };
-        change.differs(goal) || change.conf.is_some() && change.conf != conf || change.external.is_some()
+        let mut goal = self.program.targets[i].goal;
+        let conf = if let Goal::Pose { conf, .. } = goal { conf } else { None };
+        if let (Goal::Pose { position_mm, .. }, Some(base)) = (&mut goal, self.base(i)) {
+            *position_mm = base;
+        }
+        change.differs(&goal) || change.conf.is_some() && change.conf != conf || change.external.is_some()
+    }
+
+    /// The position as written of the base of a target that is corrected by its base, mm.
+    fn base(&self, i: usize) -> Option<[f64; 3]> {
+        let TargetInText::Literal { literal, given: Given::Base } = self.layout.sites[i] else { return None };
+        let literal = &self.layout.literals[literal as usize];
+        Some(std::array::from_fn(|k| signed(self.token(literal, k)).unwrap_or(f64::NAN)))
+    }
+
+    /// Where a target is if its numbers state this position, mm.
+    pub(super) fn from_base(&self, i: usize, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        let (Some(base), Goal::Pose { position_mm, .. }) = (self.base(i), self.program.targets[i].goal) else {
+            return [x, y, z];
+        };
+        std::array::from_fn(|k| position_mm[k] + ([x, y, z][k] - base[k]))
+    }
+
+    /// The changes of the numbers: those of bases instead of those of targets that are corrected by them.
+    pub(super) fn of_numbers<'c>(&self, changes: &'c [Option<Change>]) -> Cow<'c, [Option<Change>]> {
+        let mut all = Cow::Borrowed(changes);
+        for (i, change) in changes.iter().enumerate() {
+            if let (Some(change), Some(base), Goal::Pose { position_mm, .. }) =
+                (change, self.base(i), self.program.targets[i].goal)
+            {
+                let position_mm = std::array::from_fn(|k| base[k] + (change.position_mm[k] - position_mm[k]));
+                all.to_mut()[i] = Some(Change { position_mm, ..change.clone() });
+            }
+        }
+        all
     }
 
     /// Records that a target keeps its pose, if it has a change that differs from the text.
