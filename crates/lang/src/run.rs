@@ -673,8 +673,8 @@ impl<'a> Machine for Runner<'a> {
         store.lose_place();
     }
 
-    fn forget_last(&mut self, store: &Store) {
-        self.last = self.last.filter(|last| store.stands == Stands::At(*last));
+    fn forget_last(&mut self) {
+        self.last = None;
     }
 
     fn is_same(&self, a: &Store, b: &Store) -> bool {

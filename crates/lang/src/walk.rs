@@ -61,7 +61,7 @@ pub enum Meeting {
 ///         false
 ///     }
 ///     fn lose_place(&self, _: &mut u32) {}
-///     fn forget_last(&mut self, _: &u32) {}
+///     fn forget_last(&mut self) {}
 ///     fn is_same(&self, a: &u32, b: &u32) -> bool {
 ///         a == b
 ///     }
@@ -110,9 +110,9 @@ pub trait Machine {
     /// Makes the last motion of the arm unknown, because the loop continues after this state has left it and may repeat a motion.
     fn lose_place(&self, state: &mut Self::State);
 
-    /// Forgets the last recorded motion, unless the arm stands at its end. The next motions may run in another order than they are recorded,
-    /// and one of them may be the same statement in a later round.
-    fn forget_last(&mut self, state: &Self::State);
+    /// Forgets the last recorded motion: the next motions may run in another order than they are recorded, and one of them may be the same
+    /// statement in a later round.
+    fn forget_last(&mut self);
 
     /// Whether two states are equal, so that everything after them is equal.
     fn is_same(&self, a: &Self::State, b: &Self::State) -> bool;
@@ -195,6 +195,8 @@ struct Region {
     apart: BTreeMap<usize, bool>,
     /// Whether an inner loop has turned out not to be followed.
     is_other: bool,
+    /// Whether a path leads to a node from a later one.
+    jumps_back: bool,
 }
 
 /// The end of a region.
@@ -244,7 +246,14 @@ impl<M: Machine> Walk<'_, M> {
                     Ok(Goes::Either(..)) => {
                         let ends = self.ends(self.flow.meets[node], within);
                         may_have_left |= matches!(ends, Ends::Round(_));
-                        let region = Region { within, joined: None, ends, apart: BTreeMap::new(), is_other: false };
+                        let region = Region {
+                            within,
+                            joined: None,
+                            ends,
+                            apart: BTreeMap::new(),
+                            is_other: false,
+                            jumps_back: false,
+                        };
                         self.region(region, BTreeMap::from([(node, state)]))?
                     }
                 }
@@ -271,7 +280,8 @@ impl<M: Machine> Walk<'_, M> {
         state: M::State,
     ) -> Result<States<M>, Stop> {
         let mark = self.machine.mark();
-        let region = |joined| Region { within, joined, ends, apart: BTreeMap::new(), is_other: false };
+        let region =
+            |joined| Region { within, joined, ends, apart: BTreeMap::new(), is_other: false, jumps_back: false };
         if self.is_followed(of) {
             if let Some(mut left) = self.follow(node, Some(of), state.clone())? {
                 let outside: Vec<usize> = left.keys().copied().filter(|node| !self.is_in(*node, within)).collect();
@@ -357,17 +367,17 @@ impl<M: Machine> Walk<'_, M> {
 
     /// Follows all paths from some nodes to the end of the region. Returns the states there.
     fn region(&mut self, mut region: Region, mut states: States<M>) -> Result<States<M>, Stop> {
-        let is_recording = *self.machine.is_recording();
-        if is_recording {
-            states.values().for_each(|state| self.machine.forget_last(state));
-        }
-        let mark = self.machine.mark();
+        let (mark, is_recording) = (self.machine.mark(), *self.machine.is_recording());
         loop {
             *self.machine.is_recording() = false;
             self.grow(&mut region, &mut states)?;
             *self.machine.is_recording() = is_recording;
             region.is_other = false;
             if is_recording {
+                // The motions are recorded in the order of the nodes.
+                if region.jumps_back {
+                    self.machine.forget_last();
+                }
                 for (node, state) in &states {
                     if !self.is_end(&region, *node) {
                         self.ways(*node, &mut region, state.clone())?;
@@ -397,6 +407,7 @@ impl<M: Machine> Walk<'_, M> {
             let Some(state) = states.get(&node).cloned() else { continue };
             for (to, state) in self.ways(node, region, state)? {
                 let meeting = if to <= node { Meeting::Rounds } else { Meeting::Branches };
+                region.jumps_back |= to <= node;
                 if self.meet(states, to, state, meeting) && !self.is_end(region, to) {
                     work.insert(to);
                 }

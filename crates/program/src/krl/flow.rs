@@ -53,9 +53,8 @@ impl<'a> Machine for Runner<'a> {
         state.values.insert(STANDS, Value::unknown(Reason::MotionBefore));
     }
 
-    fn forget_last(&mut self, state: &ModalState) {
-        let stands = state.at(STANDS, &self.symbols.start).number();
-        self.last = self.last.filter(|last| stands == Some(*last));
+    fn forget_last(&mut self) {
+        self.last = None;
     }
 
     fn is_same(&self, a: &ModalState, b: &ModalState) -> bool {

@@ -72,8 +72,8 @@ impl<'a> Machine for Runner<'a> {
         state.stands = Stands::Unknown;
     }
 
-    fn forget_last(&mut self, state: &State) {
-        self.found.last = self.found.last.filter(|last| state.stands == Stands::At(*last));
+    fn forget_last(&mut self) {
+        self.found.last = None;
     }
 
     fn is_same(&self, a: &State, b: &State) -> bool {

@@ -37,7 +37,7 @@ pub(super) struct ArcAside {
 
 /// A step of a routine that nothing runs, from one motion to the next. `None` is a place that is not known: before the first motion of the
 /// routine, after its last one, and where paths meet.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Step {
     pub(super) from: Option<Standing>,
     pub(super) to: Option<Standing>,

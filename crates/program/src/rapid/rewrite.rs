@@ -351,7 +351,7 @@ impl Writer<'_> {
             TargetInText::Literal { literal, .. } => {
                 let print = cloned.get(&i).or_else(|| print(literal));
                 let (position, quat) = self.literal_pose(&self.layout.literals[literal as usize], print);
-                (self.from_base(i, position), quat)
+                (self.position_by_base(i, position), quat)
             }
             TargetInText::Offset(at) => {
                 let offset = &self.layout.offsets[at as usize];

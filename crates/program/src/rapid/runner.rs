@@ -194,7 +194,7 @@ pub(super) struct Reached {
     /// Uses by routines that nothing runs.
     pub(super) aside: Vec<Use>,
     pub(super) arcs_aside: BTreeSet<ArcAside>,
-    pub(super) steps_aside: HashSet<Step>,
+    pub(super) steps_aside: BTreeSet<Step>,
     /// The lines and arcs of routines of the program, by the routine that nothing calls and that runs them too.
     pub(super) called_aside: BTreeMap<RoutineId, BTreeSet<Standing>>,
     /// Numbers that only routines hold that nothing runs, with these routines.

@@ -89,7 +89,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Where a target is if its numbers state this position, mm.
-    pub(super) fn from_base(&self, i: usize, [x, y, z]: [f64; 3]) -> [f64; 3] {
+    pub(super) fn position_by_base(&self, i: usize, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let (Some(base), Goal::Pose { position_mm, .. }) = (self.base(i), self.program.targets[i].goal) else {
             return [x, y, z];
         };
