@@ -1114,9 +1114,10 @@ fn a_jump_back_begins_at_no_motion_of_an_earlier_round() {
     );
     let predecessors = |body: &str| program(body).targets.iter().map(|target| target.predecessor).collect::<Vec<_>>();
     assert_eq!(predecessors(&body), [Start, Unknown, Unknown, Unknown, Unknown]);
-    // Each round ends where the point from which the jump goes back was reached.
+    // The first round ends only where the point was reached from which a later round jumps back.
     let body = format!(
-        "INT n\n{}FOR n=1 TO 2\nIF $IN[1] THEN\nGOTO L2\nENDIF\nRETURN\nL1:\n{}RETURN\nL2:\n{}IF $IN[2] THEN\nGOTO L1\nENDIF\nENDFOR",
+        "INT n\n{}FOR n=1 TO 2\nIF $IN[1] THEN\nGOTO L2\nENDIF\nGOTO L4\nL1:\n{}IF n==1 THEN\nGOTO L4\nENDIF\nGOTO L3\nL2:\n{}\
+         IF $IN[2] THEN\nGOTO L1\nENDIF\nL3:\nENDFOR\nL4:",
         lin("9"),
         lin("n+10"),
         lin("n")

@@ -307,7 +307,7 @@ fn counts_add_up_and_nothing_unjudged_passes() {
         }
     }
     assert!(
-        unjudged > 50 && inserted > 40 && kept > unjudged,
+        unjudged > 50 && inserted > 30 && kept > unjudged,
         "{unjudged} not judged, {inserted} inserted, {kept} kept"
     );
 }

@@ -437,6 +437,6 @@ fn what_goes_along_and_what_holds_the_cut() {
     let arc = "MoveL p@\nMoveL q@\n! deflex air\nMoveC p,r@";
     assert_eq!(fates(&main(arc)), (vec![false, true, false], vec![false; 3]));
     // The start of a cut that is kept.
-    let kept = "MoveJ p@\nMoveL Offs(q,0,0,n+1)@\nMoveL p@";
+    let kept = "MoveJ p@\nMoveL RelTool(q,0,0,n+1)@\nMoveL p@";
     assert_eq!(fates(&main(kept)), (vec![false, false, true], vec![true, false, false]));
 }

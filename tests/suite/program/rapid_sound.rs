@@ -746,7 +746,7 @@ Give {many}n;
 MoveL Offs(p2,0,0,n),v50,fine,t1; ! stay"
         ),
         &format!(
-            "PROC Give({}INOUT num last)\nlast:=nIn;\nENDPROC",
+            "PROC Give({}INOUT num last)\nlast:=DInput(di1);\nENDPROC",
             (0..24).map(|i| format!("num a{i},")).collect::<String>()
         ),
     );
