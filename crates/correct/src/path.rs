@@ -226,6 +226,15 @@ fn arc_turn(program: &Program, cell: &Cell, target: &Target) -> ArcTurn {
     target.arc_turn.or(cell.controller.arc_turn).unwrap_or(program.language.about().arc_turn)
 }
 
+/// What is known of the place at which the segment to a target begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Begin {
+    Known,
+    /// Only the direction from it to the target.
+    Direction,
+    Unknown,
+}
+
 impl Walk<'_, '_> {
     fn mount(&self, index: u32) -> &Mount {
         &self.carried.settings[index as usize]
@@ -402,8 +411,12 @@ impl Walk<'_, '_> {
             let has_frame = frame.is_some() || held.is_some() || previous.is_none() && direction.is_some();
             // Only the direction is known of a path that does not begin at the target before.
             let has_begin = target.begins_mm.is_some() && stand.moved.is_none();
-            let is_way_known = has_begin && feed_frame.is_some() && in_feed_frame;
-            let is_unknown = self.depends_on_unknown(target, (starts_unknown, is_way_known), has_frame);
+            let begin = match starts_unknown {
+                false => Begin::Known,
+                true if has_begin && feed_frame.is_some() && in_feed_frame => Begin::Direction,
+                true => Begin::Unknown,
+            };
+            let is_unknown = self.depends_on_unknown(target, begin, has_frame);
             is_unknown.then_some(KeptReason::PredecessorUnknown)
         };
         if let Some(why) = unknown {
@@ -542,12 +555,7 @@ impl Walk<'_, '_> {
     }
 
     /// Whether the force or the error at a target depends on motions before it that are unknown.
-    fn depends_on_unknown(
-        &self,
-        target: &Target,
-        (starts_unknown, is_way_known): (bool, bool),
-        has_frame: bool,
-    ) -> bool {
+    fn depends_on_unknown(&self, target: &Target, begin: Begin, has_frame: bool) -> bool {
         /// Largest unknown part of the travel: 0.1 µm for a gap of 1e-4 rad at an arm of 1 m, less than programs print.
         const UNKNOWN_TRAVEL: f64 = 1e-3;
         let arm = &self.cell.arm;
@@ -555,9 +563,12 @@ impl Walk<'_, '_> {
         // A cut along the tool axis takes its directions from the cut before it, which is not computed if that was kept. The first target
         // takes them from the way to the next one, which may be unknown too.
         let frame_is_unknown = !has_frame && self.last().is_none_or(|last| last.unsolved.is_some());
-        starts_unknown && (follows_the_way && !is_way_known || arm.follows_travel() || arm.needs(Need::Speed))
-            || frame_is_unknown && follows_the_way
-            || self.carried.unknown_travel.amax() > UNKNOWN_TRAVEL
+        let follows_the_begin = match begin {
+            Begin::Known => false,
+            Begin::Direction => arm.follows_travel() || arm.needs(Need::Speed),
+            Begin::Unknown => follows_the_way || arm.follows_travel() || arm.needs(Need::Speed),
+        };
+        follows_the_begin || frame_is_unknown && follows_the_way || self.carried.unknown_travel.amax() > UNKNOWN_TRAVEL
     }
 
     /// Adds a target that is kept although its pose is known.
