@@ -58,8 +58,37 @@ pub struct Moved {
     pub switches: Arc<[Value; Switch::ALL.len()]>,
     /// The start of its path.
     pub from: Predecessor,
+    /// The end at which its path begins, if that is known and not the end of the motion before it in the list. Each path of a branch begins
+    /// where the motion before the branch ends.
+    pub begins: Option<Arc<MotionEnd>>,
     /// Whether a thread executes it.
     pub in_thread: bool,
+}
+
+/// The end of a motion, with the values that hold there.
+///
+/// # Examples
+/// ```
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
+/// // No path of this program begins anywhere but at the start of the program or at the end of the motion before it.
+/// assert!(outcome.motions.iter().all(|moved| moved.begins.is_none()));
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionEnd {
+    /// The statement of the motion.
+    pub place: SourceSpan,
+    /// The target.
+    pub to: Value,
+    /// The value of each [`Switch`].
+    pub switches: Arc<[Value; Switch::ALL.len()]>,
+}
+
+impl MotionEnd {
+    /// Whether this is where a motion ends.
+    #[must_use]
+    pub fn is_of(&self, moved: &Moved) -> bool {
+        self.place == moved.place && self.to == moved.to && self.switches == moved.switches
+    }
 }
 
 /// The start of the path to the end of a motion, in every run.
@@ -435,6 +464,8 @@ impl<'a> Runner<'a> {
             Stands::At(before) if self.last == Some(before) => Predecessor::Previous,
             Stands::At(_) | Stands::Unknown => Predecessor::Unknown,
         };
+        let is_alone = !self.thread_moves && !self.in_thread;
+        let begins = store.end.take().filter(|_| is_alone && from == Predecessor::Unknown);
         let switches = Switch::ALL.map(|switch| self.read(switch.slot(), store));
         if *self.switches != switches {
             self.switches = Arc::new(switches);
@@ -443,8 +474,14 @@ impl<'a> Runner<'a> {
         for used in speed.iter().chain(&blend).chain(&*switches) {
             self.use_up(&used.all_reads());
         }
-        store.stands = if matches!(motion.path, Path::Unknown(_)) { Stands::Unknown } else { Stands::At(site) };
         let to = to.unwrap_or_else(|| Content::Nothing.into());
+        match motion.path {
+            Path::Unknown(_) => store.lose_place(),
+            _ => {
+                store.stands = Stands::At(site);
+                store.end = Some(Arc::new(MotionEnd { place, to: to.clone(), switches: Arc::clone(&switches) }));
+            }
+        }
         if self.in_thread {
             let all = via.iter().chain([&to]);
             all.for_each(|value| self.use_up(&value.all_reads()));
@@ -454,7 +491,7 @@ impl<'a> Runner<'a> {
             let (path, in_thread) = (motion.path, self.in_thread);
             let number = |value: &Option<Value>| value.as_ref().and_then(Value::number);
             let (speed, blend) = (number(&speed), blend.map_or(Some(0.0), |blend| blend.number()));
-            self.out.motions.push(Moved { place, path, via, to, speed, blend, switches, from, in_thread });
+            self.out.motions.push(Moved { place, path, via, to, speed, blend, switches, from, begins, in_thread });
         }
         Ok(())
     }
@@ -487,7 +524,7 @@ impl<'a> Runner<'a> {
                 store.lose(slot, reason);
             }
         }
-        store.stands = Stands::Unknown;
+        store.lose_place();
     }
 
     /// A call that is not followed: everything that it could change becomes unknown, and all tokens that it names count as used.
@@ -499,7 +536,7 @@ impl<'a> Runner<'a> {
             self.use_up(&reads);
         }
         effects.writes.into_iter().for_each(|slot| store.lose(slot, Reason::Recursion));
-        store.stands = Stands::Unknown;
+        store.lose_place();
         if effects.moves && self.is_recording {
             let switches = Arc::new(Switch::ALL.map(|switch| self.read(switch.slot(), store)));
             self.out.motions.push(Moved {
@@ -511,6 +548,7 @@ impl<'a> Runner<'a> {
                 blend: None,
                 switches,
                 from: Predecessor::Unknown,
+                begins: None,
                 in_thread: self.in_thread,
             });
             self.last = None;

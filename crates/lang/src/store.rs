@@ -2,6 +2,7 @@
 
 use crate::ir::{Slot, Switch};
 use crate::reason::Reason;
+use crate::run::MotionEnd;
 use crate::value::{Content, Value};
 use std::sync::Arc;
 
@@ -71,6 +72,8 @@ pub struct Store {
     pub(crate) globals: Values,
     pub(crate) locals: Values,
     pub(crate) stands: Stands,
+    /// The end of a motion at which the arm is, as far as all paths agree on it.
+    pub(crate) end: Option<Arc<MotionEnd>>,
     /// The value that the routine returns.
     pub(crate) result: Option<Value>,
 }
@@ -109,6 +112,7 @@ impl Store {
     /// Makes the position of the arm unknown.
     pub fn lose_place(&mut self) {
         self.stands = Stands::Unknown;
+        self.end = None;
     }
 
     /// Makes a variable unknown. The tokens on which it depends are kept.
@@ -124,6 +128,7 @@ impl Store {
         if self.stands != other.stands {
             self.stands = Stands::Unknown;
         }
+        self.end = self.end.take().filter(|end| other.end.as_ref() == Some(end));
         if self.result != other.result {
             let nothing = || Value::from(Content::Nothing);
             let (own, other) = (self.result.clone().unwrap_or_else(nothing), other.result.clone());

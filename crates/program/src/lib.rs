@@ -12,6 +12,7 @@ mod any_chunks;
 pub mod chunk;
 pub mod cl;
 mod detect;
+mod ends;
 mod external;
 mod front_end;
 pub mod jbi;

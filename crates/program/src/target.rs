@@ -62,7 +62,30 @@ pub struct Target {
     pub arc_turn: Option<ArcTurn>,
 }
 
+/// The position at which a motion ends, with the frames in which it is counted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct EndPosition {
+    tool: u16,
+    wobj: u16,
+    at_mm: [f64; 3],
+}
+
+impl EndPosition {
+    /// The position of a target; `None` for joint angles, and for a target from which the controller departs.
+    pub(crate) fn of(target: &Target) -> Option<Self> {
+        let Goal::Pose { position_mm: at_mm, .. } = target.goal else { return None };
+        target.located.then_some(Self { tool: target.tool, wobj: target.wobj, at_mm })
+    }
+}
+
 impl Target {
+    /// States where a line begins that does not begin at the target before, if that is counted in its own frames.
+    pub(crate) fn begin_at(&mut self, end: Option<EndPosition>) {
+        let is_line = self.predecessor == Predecessor::Unknown && self.motion == Motion::Linear;
+        let end = end.filter(|end| is_line && (end.tool, end.wobj) == (self.tool, self.wobj));
+        self.begins_mm = end.map(|end| end.at_mm);
+    }
+
     /// The end of a motion with this tool and work object, at a statement and its line.
     pub(crate) fn new(
         ordinal: u32,

@@ -1161,3 +1161,25 @@ fn reasons_tell_known_values_from_unknown_ones() {
     let note = p.diagnostics.iter().find(|note| note.code == "rapid.frame").unwrap();
     assert!(note.help.as_ref().is_some_and(|help| help.contains("--context")), "{note:?}");
 }
+
+/// Both branches begin where the motion before them ends, and the motion after them where both of them end.
+#[test]
+fn the_beginning_of_each_branch_is_known() {
+    let to = |x: u32| format!("MoveL [[{x},0,0],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v20,fine,tool0;\n");
+    let begins = |body: &str| -> Vec<Option<f64>> {
+        program(&module(body)).targets.iter().map(|target| target.begins_mm.map(|at| at[0])).collect()
+    };
+    let branches =
+        |then: &str, otherwise: &str| format!("{}IF di1=1 THEN\n{then}ELSE\n{otherwise}ENDIF\n{}", to(1), to(9));
+    let [a, b] = [to(2), to(3)];
+    assert_eq!(begins(&branches(&a, &b)), [None, None, Some(1.0), None]);
+    assert_eq!(begins(&branches(&a, &format!("{b}{a}"))), [None, None, Some(1.0), None, Some(2.0)]);
+    // The arm may have moved in the meantime.
+    assert_eq!(begins(&branches(&a, &format!("rUnknown;\n{b}"))), [None; 4]);
+    assert_eq!(begins(&branches(&a, &format!("SearchL di2,pFound,p1,v20,tool0;\n{b}")))[3], None);
+    // The position is counted in other frames, or the controller does not go there.
+    assert_eq!(begins(&branches(&a, &b.replace("tool0", "tOther"))), [None; 4]);
+    assert_eq!(begins(&format!("PDispOn p1,tool0;\n{}PDispOff;\nIF di1=1 THEN\n{a}ELSE\n{b}ENDIF", to(1))), [None; 3]);
+    // A round of a loop begins where the loop does, or where the round before ends.
+    assert_eq!(begins(&format!("{}WHILE di1=1 DO\n{a}{b}ENDWHILE\n{}", to(1), to(4))), [None; 4]);
+}

@@ -399,3 +399,18 @@ fn a_counted_loop_within_an_endless_one_is_followed() {
     let counted = "LBL[1]\nR[1]=2\nLBL[2]\nL P[R[1]] 30mm/sec FINE\nR[1]=R[1]+1\nIF R[1]<=3,JMP LBL[2]\nJMP LBL[1]";
     assert_eq!(edits(counted), [2, 3]);
 }
+
+/// Both branches begin where the motion before them ends, and the motion after them where either of them ends.
+#[test]
+fn the_beginning_of_each_branch_is_known() {
+    let begins = |first: &str, second: &str| -> Vec<Option<f64>> {
+        let to = |number: u32| format!("L P[{number}] 30mm/sec FINE\n");
+        let [a, b, c, d] = [1, 2, 3, 4].map(to);
+        let statements = format!("{a}{first}IF DI[1]=ON,JMP LBL[1]\n{b}JMP LBL[2]\nLBL[1]\n{second}{c}LBL[2]\n{d}");
+        program_of(&statements, &[]).targets.iter().map(|target| target.begins_mm.map(|at| at[0])).collect()
+    };
+    assert_eq!(begins("", ""), [None, None, Some(100.0), None]);
+    // The arm may have moved in the meantime, or does not go to the numbers of the position.
+    assert_eq!(begins("", "CALL OTHER\n"), [None; 4]);
+    assert_eq!(begins("L P[4] 30mm/sec FINE Offset,PR[1]\n", ""), [None; 5]);
+}

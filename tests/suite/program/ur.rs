@@ -124,6 +124,21 @@ const ROBOT: &str = "[robot]\nmodel = \"ur10e\"\n[robot.stiffness]\njoint_nm_per
     [limits]\nmax_correction_mm = 5.0\nmax_step_mm = 5.0\n[controller]\ncompensates = []\n\
     [cut]\nforce = \"constant\"\nforce_n = [20.0, -30.0, 40.0]\nframe = \"wobj\"\n";
 
+/// Both branches begin where the motion before them ends, and the motion after them where either of them ends.
+#[test]
+fn the_beginning_of_each_branch_is_known() {
+    let to = |x: &str| format!("movel(p[{x}, 0.1, 0.2, 0, 3.14, 0], a=1.2, v=0.02)\n");
+    let begins = |before: &str| -> Vec<Option<f64>> {
+        let [a, b, c, d] = ["0.1", "0.2", "0.3", "0.4"].map(to);
+        let text = format!("def part():\n{a}if get_digital_in(1):\n{b}else:\n{before}{c}end\n{d}end\n");
+        read(&text).targets.iter().map(|target| target.begins_mm.map(|at| at[0].round())).collect()
+    };
+    assert_eq!(begins(""), [None, None, Some(100.0), None]);
+    // The arm may have moved in the meantime, or another tool counts.
+    assert!(begins("other()\n").iter().all(Option::is_none));
+    assert_eq!(begins("set_tcp(p[0, 0, 0.1, 0, 0, 0])\n"), [None; 4]);
+}
+
 fn cell(more: &str) -> Cell {
     Cell::read(&Source::new("cell.toml", format!("{ROBOT}{more}"))).unwrap_or_else(|errors| panic!("{errors:?}"))
 }

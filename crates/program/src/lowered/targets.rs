@@ -1,6 +1,7 @@
 //! Makes targets of the motions of a run.
 
 use super::{Layout, PoseSource, Style};
+use crate::ends::Ends;
 use crate::kept::KeptStatements;
 use crate::{
     ArcTurn, Conf, Editable, Goal, Language, Mark, Motion, Passing, Predecessor, Program, Reason, Role, Target, Tool,
@@ -93,6 +94,7 @@ fn build(
         arcs: Vec::new(),
         ordinal: 0,
         last: None,
+        ends: Ends::default(),
     };
     for (i, (motion, edit)) in outcome.motions.iter().zip(edits).enumerate() {
         let previous = i.checked_sub(1).filter(|before| builder.last == Some(*before)).is_some();
@@ -196,7 +198,7 @@ fn not_given(program: &ir::Program, sources: &[Source], dialect: &dyn Dialect) -
     Some(warning.severity(Severity::Warning).help(help))
 }
 
-struct Builder {
+struct Builder<'a> {
     style: &'static Style,
     tools: Vec<Tool>,
     wobjs: Vec<Wobj>,
@@ -212,11 +214,12 @@ struct Builder {
     ordinal: u32,
     /// The last motion that gave a target.
     last: Option<usize>,
+    ends: Ends<'a>,
 }
 
-impl Builder {
+impl<'a> Builder<'a> {
     /// Adds a motion. Returns whether it has a target.
-    fn motion(&mut self, motion: &Moved, editable: Editable, follows: bool) -> bool {
+    fn motion(&mut self, motion: &'a Moved, editable: Editable, follows: bool) -> bool {
         self.ordinal += 1;
         match self.points(motion, editable, follows) {
             Ok(()) => true,
@@ -229,7 +232,7 @@ impl Builder {
         }
     }
 
-    fn points(&mut self, motion: &Moved, editable: Editable, follows: bool) -> Result<(), Reason> {
+    fn points(&mut self, motion: &'a Moved, editable: Editable, follows: bool) -> Result<(), Reason> {
         let switch = |switch: Switch| &motion.switches[switch as usize];
         if motion.in_thread {
             return Err(Reason::InThread);
@@ -293,7 +296,9 @@ impl Builder {
             self.put(via, motion.via.as_ref(), Passing::Unstated);
         }
         let circle = path == Motion::Circular && motion.via.is_some();
-        let end = if circle { Target { predecessor: Predecessor::Previous, ..end } } else { end };
+        let mut end = if circle { Target { predecessor: Predecessor::Previous, ..end } } else { end };
+        end.begin_at(self.ends.begin_of(motion));
+        self.ends.add(motion, &end);
         let passing = match motion.blend {
             Some(radius) if radius <= 0.0 => Passing::Stop,
             Some(radius) => Passing::Zone(radius * self.style.mm),

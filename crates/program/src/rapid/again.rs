@@ -52,6 +52,7 @@ impl Runner<'_> {
                         target.editable = like_target.editable;
                         if like_target.predecessor == Predecessor::Unknown {
                             target.predecessor = Predecessor::Unknown;
+                            target.begins_mm = target.begins_mm.filter(|_| like_target.begins_mm.is_some());
                         }
                         emitter.alike.push(like);
                     }

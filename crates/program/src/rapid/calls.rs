@@ -133,7 +133,7 @@ impl<'a> Runner<'a> {
         }
         self.state = joined.ok_or(Stop::Ends)?;
         if is_handled || is_skipped {
-            self.state.stands = Stands::Unknown;
+            self.state.lose_place();
         }
         Ok(())
     }
@@ -290,7 +290,7 @@ impl<'a> Runner<'a> {
     /// Makes everything unknown that an unknown routine could change.
     pub(super) fn unknown_call(&mut self, scope: Scope, given: &'a Arguments) {
         self.counters.events += 1;
-        self.state.stands = Stands::Unknown;
+        self.state.lose_place();
         let everything = self.symbols.everything();
         for &at in everything.iter() {
             self.forget_data(at, Reason::Foreign);
@@ -339,6 +339,7 @@ impl<'a> Runner<'a> {
     /// Runs a routine that nothing in the files calls. If it does not end, the state stays as it was.
     pub(super) fn start(&mut self, id: RoutineId) {
         self.state.stands = Stands::Start;
+        self.state.position = None;
         let before = self.state.clone();
         let ended = self.call(id, &[], self.symbols.variables.len());
         self.state = ended.ok().and_then(|ended| ended.normal).unwrap_or(before);

@@ -4,7 +4,6 @@ use super::expression::Expression;
 use super::known::RoutineId;
 use super::motion;
 use super::runner::Runner;
-use super::state::Stands;
 use super::tree::{Routine, Statement, StatementKind, any, statements};
 use crate::Reason;
 
@@ -107,8 +106,8 @@ impl<'a> Runner<'a> {
                     || self.symbols.find_routine(module, name).is_some()
             })
         };
-        if self.state.stands != Stands::Unknown && statements(block).into_iter().any(moves) {
-            self.state.stands = Stands::Unknown;
+        if statements(block).into_iter().any(moves) {
+            self.state.lose_place();
         }
     }
 

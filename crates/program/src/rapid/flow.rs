@@ -4,7 +4,7 @@ use super::eval::Scope;
 use super::expression::{Arguments, Expression, ExpressionKind};
 use super::run::MOTIONS;
 use super::runner::{Mode, Runner, RunningLoop};
-use super::state::{Site, Stands, State};
+use super::state::{Site, State};
 use super::steps::{Action, Decision, Step, Test};
 use super::symbols::Upper;
 use super::tree::{Statement, StatementKind, Storage};
@@ -69,7 +69,7 @@ impl<'a> Machine for Runner<'a> {
     }
 
     fn lose_place(&self, state: &mut State) {
-        state.stands = Stands::Unknown;
+        state.lose_place();
     }
 
     fn forget_last(&mut self) {

@@ -5,7 +5,7 @@ use super::expression::{Arguments, Call, Expression, ExpressionKind};
 use super::lasting::LastingStates;
 use super::predefined::{self, Instruction};
 use super::runner::Runner;
-use super::state::{ArcMode, OnOff, Stands, Velocity};
+use super::state::{ArcMode, OnOff, Velocity};
 use super::symbols::Upper;
 use super::value::Value;
 use crate::{ArcTurn, Reason};
@@ -122,10 +122,10 @@ impl<'a> Runner<'a> {
                 named.into_iter().for_each(|at| self.forget_data(at, Reason::Computed));
             }
             Instruction::Moves => {
-                self.state.stands = Stands::Unknown;
+                self.state.lose_place();
                 self.keep_here(span, Reason::ExternalAxesOnly);
             }
-            Instruction::ClearsPath => self.state.stands = Stands::Unknown,
+            Instruction::ClearsPath => self.state.lose_place(),
             Instruction::Ends => {
                 self.ends_cycle();
                 return Err(Stop::Ends);

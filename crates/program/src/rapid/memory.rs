@@ -95,6 +95,10 @@ impl Runner<'_> {
             is_less |= known.stands != Stands::Unknown;
             known.stands = Stands::Unknown;
         }
+        if known.position != other.position {
+            is_less |= known.position.is_some();
+            known.position = None;
+        }
         let before = known.standing.len();
         known.standing.extend(&other.standing);
         known.version = self.next_version();
@@ -259,6 +263,7 @@ impl State {
     pub(super) fn is(&self, other: &Self) -> bool {
         self.modal == other.modal
             && self.stands == other.stands
+            && self.position == other.position
             && self.standing == other.standing
             && self.values.apart(&other.values).into_iter().all(|at| {
                 let both = self.values.get(at).zip(other.values.get(at));

@@ -13,6 +13,7 @@ use super::symbols::{Upper, Variable};
 use super::tree::Param;
 use super::value::{Pose, Value, unit};
 use super::{Given, Offset, TargetInText};
+use crate::target::EndPosition;
 use crate::{Editable, Goal, Motion, Predecessor, Reason, Role, Target, ToolData};
 use deflex_lang::ir::SourceSpan;
 use deflex_text::{Span, decode};
@@ -154,7 +155,7 @@ impl<'a> Runner<'a> {
             && let Some(point) = arguments.get(shape.via.unwrap_or(shape.to).wrapping_sub(1))
         {
             self.counters.events += 1;
-            self.state.stands = Stands::Unknown;
+            self.state.lose_place();
             self.forget_argument(scope, point, Reason::Computed);
         }
     }
@@ -252,6 +253,7 @@ impl<'a> Runner<'a> {
         let here = Standing::at(target, root);
         self.step_aside(Some((target, here)));
         self.state.stands = Stands::At(self.site(target.span));
+        self.state.position = EndPosition::of(target);
         self.state.standing = BTreeSet::from([here]);
     }
 
@@ -261,6 +263,7 @@ impl<'a> Runner<'a> {
             (Stands::At(site), Some(last)) if site == last => Predecessor::Previous,
             _ => Predecessor::Unknown,
         };
+        target.begin_at(self.state.position);
         self.arrive(&target, self.found.root(&site));
         self.found.last = Some(self.site(target.span));
         let ends = target.is_end();

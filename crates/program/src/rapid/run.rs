@@ -9,7 +9,6 @@ use super::lex::{Cursor, LexemeKind};
 use super::motion;
 use super::predefined;
 use super::runner::{Mode, Runner};
-use super::state::Stands;
 use super::tree::{Assignment, RoutineKind, Statement, StatementKind};
 use crate::{Program, Reason};
 use deflex_lang::walk::Stop;
@@ -214,7 +213,7 @@ impl<'a> Runner<'a> {
 
     /// Keeps a motion whose target is unknown.
     pub(super) fn keep_motion(&mut self, span: Span, reason: Reason) {
-        self.state.stands = Stands::Unknown;
+        self.state.lose_place();
         self.state.modal.axes.lose_positions();
         if !self.is_real() {
             return;
@@ -298,7 +297,7 @@ impl<'a> Runner<'a> {
                 self.motion(scope, call, shape, at);
                 // The procedure of a `MoveLSync` may have moved the arm from there.
                 if self.skipped_since(failures) || is_synchronised(name) {
-                    self.state.stands = Stands::Unknown;
+                    self.state.lose_place();
                 }
             }
             (None, Some(instruction)) => self.instruction(scope, call, instruction, at)?,

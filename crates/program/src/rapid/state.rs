@@ -3,6 +3,7 @@
 use super::lasting::{Lasting, LastingStates};
 use super::value::Value;
 use super::values::Values;
+use crate::target::EndPosition;
 use crate::{ArcTurn, EXTERNAL_AXES, External, Goal, Mark, Reason, Target};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -170,9 +171,19 @@ pub(super) struct State {
     pub(super) values: Values,
     pub(super) modal: ModalState,
     pub(super) stands: Stands,
+    /// The position of the robot, as far as all paths to this state agree on it.
+    pub(super) position: Option<EndPosition>,
     pub(super) standing: BTreeSet<Standing>,
     /// States in which a name may have different meanings have different numbers.
     pub(super) version: u64,
+}
+
+impl State {
+    /// Makes the place of the robot unknown, because it may have moved.
+    pub(super) fn lose_place(&mut self) {
+        self.stands = Stands::Unknown;
+        self.position = None;
+    }
 }
 
 /// The modal state that the previous instructions leave.

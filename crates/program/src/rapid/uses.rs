@@ -463,6 +463,7 @@ impl<'a> Runner<'a> {
             };
             if is_shared {
                 target.predecessor = Predecessor::Unknown;
+                target.begins_mm = None;
             }
         }
     }

@@ -56,10 +56,10 @@ pub(super) fn middle([a, b, c]: [[f64; 3]; 3], first_half: bool) -> [f64; 3] {
     (centre + nalgebra::Rotation3::from_axis_angle(&axis, angle / 2.0) * u).into()
 }
 
-impl Builder<'_> {
+impl<'a> Builder<'a> {
     /// Adds the consecutive `A` motions at the beginning of `visits`. Returns how many of them run.
-    pub(super) fn row(&mut self, visits: &[Visit<'_>], row: Range<usize>) -> usize {
-        let on = |two: &&[Visit<'_>]| row.contains(&two[1].at) && two[1].at > two[0].at;
+    pub(super) fn row(&mut self, visits: &[Visit<'a>], row: Range<usize>) -> usize {
+        let on = |two: &&[Visit<'a>]| row.contains(&two[1].at) && two[1].at > two[0].at;
         let run = 1 + visits.windows(2).take_while(on).count();
         let kinds = &self.code.kinds;
         let motions =
@@ -94,7 +94,7 @@ impl Builder<'_> {
     }
 
     /// Targets of consecutive `A` motions whose points are all known, with a circle point on the path to each except the first.
-    fn arc(&mut self, points: Vec<(Visit<'_>, (Target, EditablePosition))>, poses: &[([f64; 3], [f64; 4])]) {
+    fn arc(&mut self, points: Vec<(Visit<'a>, (Target, EditablePosition))>, poses: &[([f64; 3], [f64; 4])]) {
         let first = self.built.targets.len();
         // There is a circle point between two points.
         let index = |k: usize| first + 2 * k;

@@ -1,6 +1,7 @@
 //! Builds the targets of a run.
 
 use super::position::Position;
+use crate::ends::Ends;
 use crate::kept::KeptStatements;
 use crate::{AxisName, EXTERNAL_AXES, Reason};
 use crate::{Editable, Role, Target, Tool, UnknownMotion, Wobj};
@@ -97,6 +98,7 @@ pub(super) struct Builder<'a> {
     pub(super) groups: BTreeSet<AxisName>,
     /// Index of the last executed motion that has a target.
     pub(super) last: Option<usize>,
+    pub(super) ends: Ends<'a>,
     pub(super) built: Built,
 }
 
@@ -123,6 +125,7 @@ impl<'a> Builder<'a> {
                 .map(|axis| axis.axis)
                 .collect(),
             last: None,
+            ends: Ends::default(),
             built: Built { kept: KeptStatements::new(std::slice::from_ref(source), 1), ..Built::default() },
         }
     }

@@ -24,7 +24,7 @@ const REDEFINED: [Reason; 2] = [Reason::FrameRedefined, Reason::ToolRedefined];
 
 impl<'a> Builder<'a> {
     /// All of it.
-    pub(super) fn build(mut self, outcome: &Outcome) -> Built {
+    pub(super) fn build(mut self, outcome: &'a Outcome) -> Built {
         let code = self.code;
         for (line, kind) in code.lines.iter().zip(&code.kinds) {
             for named in tp::positions_named(line, kind) {
@@ -109,7 +109,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn motion(&mut self, visit: &Visit<'_>) {
+    fn motion(&mut self, visit: &Visit<'a>) {
         self.built.motions += 1;
         self.built.arcs += usize::from(visit.motion.path == ir::Path::Circular);
         let points: Result<Vec<_>, _> = visit.roles().iter().map(|role| self.point(visit, *role)).collect();
@@ -128,13 +128,17 @@ impl<'a> Builder<'a> {
     }
 
     /// Adds a point of a motion.
-    pub(super) fn push(&mut self, visit: &Visit<'_>, (mut target, site): (Target, EditablePosition)) {
+    pub(super) fn push(&mut self, visit: &Visit<'a>, (mut target, site): (Target, EditablePosition)) {
         target.predecessor = match visit.held.0.from {
             // The end of an arc comes after its circle point.
             _ if self.last == Some(visit.run) => Predecessor::Previous,
             Predecessor::Previous if self.last.is_none_or(|last| last + 1 != visit.run) => Predecessor::Unknown,
             from => from,
         };
+        target.begin_at(self.ends.begin_of(visit.held.0));
+        if target.is_end() {
+            self.ends.add(visit.held.0, &target);
+        }
         self.last = Some(visit.run);
         if is_in_tool(visit.motion) {
             self.built.in_tool.insert(self.built.targets.len());
