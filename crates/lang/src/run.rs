@@ -10,6 +10,7 @@ use crate::ir::{
     Statement, StatementKind, Switch, TokenId, Unary,
 };
 use crate::reason::Reason;
+pub use crate::store::MotionEnd;
 use crate::store::{Stands, Store, Values};
 use crate::value::{Affine, Content, Number, Pose, Reads, Value, is_whole};
 use crate::walk::{Machine, Meeting, Stop, walk};
@@ -65,29 +66,21 @@ pub struct Moved {
     pub in_thread: bool,
 }
 
-/// The end of a motion, with the values that hold there.
-///
-/// # Examples
-/// ```
-/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
-/// // No path of this program begins anywhere but at the start of the program or at the end of the motion before it.
-/// assert!(outcome.motions.iter().all(|moved| moved.begins.is_none()));
-/// ```
-#[derive(Clone, Debug, PartialEq)]
-pub struct MotionEnd {
-    /// The statement of the motion.
-    pub place: SourceSpan,
-    /// The target.
-    pub to: Value,
-    /// The value of each [`Switch`].
-    pub switches: Arc<[Value; Switch::ALL.len()]>,
-}
-
-impl MotionEnd {
-    /// Whether this is where a motion ends.
+impl Moved {
+    /// Whether it ends there.
+    ///
+    /// # Examples
+    /// ```
+    /// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
+    /// use deflex_lang::run::MotionEnd;
+    ///
+    /// let moved = &outcome.motions[0];
+    /// let end = MotionEnd { place: moved.place, to: moved.to.clone(), switches: moved.switches.clone() };
+    /// assert!(moved.ends_at(&end));
+    /// ```
     #[must_use]
-    pub fn is_of(&self, moved: &Moved) -> bool {
-        self.place == moved.place && self.to == moved.to && self.switches == moved.switches
+    pub fn ends_at(&self, end: &MotionEnd) -> bool {
+        self.place == end.place && self.to == end.to && self.switches == end.switches
     }
 }
 

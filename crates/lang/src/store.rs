@@ -1,8 +1,7 @@
 //! The values of all variables at one moment of a run.
 
-use crate::ir::{Slot, Switch};
+use crate::ir::{Slot, SourceSpan, Switch};
 use crate::reason::Reason;
-use crate::run::MotionEnd;
 use crate::value::{Content, Value};
 use std::sync::Arc;
 
@@ -16,6 +15,24 @@ pub(crate) enum Stands {
     At(u32),
     /// Known only at run time.
     Unknown,
+}
+
+/// The end of a motion, with the values that hold there.
+///
+/// # Examples
+/// ```
+/// # let (text, program, outcome) = include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/doc/urscript.rs"));
+/// // No path of this program begins anywhere but at the start of the program or at the end of the motion before it.
+/// assert!(outcome.motions.iter().all(|moved| moved.begins.is_none()));
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionEnd {
+    /// The statement of the motion.
+    pub place: SourceSpan,
+    /// The target.
+    pub to: Value,
+    /// The value of each [`Switch`].
+    pub switches: Arc<[Value; Switch::ALL.len()]>,
 }
 
 /// Values of variables. Stores of different paths share them, a few at a time, until one of the stores changes them: a run copies and

@@ -20,6 +20,6 @@ impl<'a> Ends<'a> {
     pub(crate) fn begin_of(&self, moved: &Moved) -> Option<EndPosition> {
         let end = moved.begins.as_ref()?;
         let (before, position) = self.0.get(&end.place)?;
-        position.filter(|_| end.is_of(before))
+        position.filter(|_| before.ends_at(end))
     }
 }

@@ -135,8 +135,9 @@ fn the_beginning_of_each_branch_is_known() {
     };
     assert_eq!(begins(""), [None, None, Some(100.0), None]);
     // The arm may have moved in the meantime, or another tool counts.
-    assert!(begins("other()\n").iter().all(Option::is_none));
-    assert_eq!(begins("set_tcp(p[0, 0, 0.1, 0, 0, 0])\n"), [None; 4]);
+    for before in ["other()\n", "set_tcp(p[0, 0, 0.1, 0, 0, 0])\n"] {
+        assert!(begins(before).iter().all(Option::is_none), "{before}");
+    }
 }
 
 fn cell(more: &str) -> Cell {
