@@ -199,9 +199,9 @@ impl Candidate {
         self.typical[k] * self.scale
     }
 
-    /// Whether its prior sizes are at least the typical sizes, so that it is not a smaller twin.
-    pub(super) fn is_full_size(&self) -> bool {
-        self.scale >= 1.0
+    /// Whether its prior sizes are the typical sizes, so that it is no twin.
+    pub(super) fn is_typical_size(&self) -> bool {
+        self.scale.total_cmp(&1.0).is_eq()
     }
 
     /// Whether it is a pattern that shifts the measured positions.

@@ -17,9 +17,9 @@ const JUMPS: usize = 16;
 const CLAMPED_SIZES: [f64; 3] = [0.25, 1.0, 5.0];
 /// Prior sizes of drifts, as shares of the size of a drift: an instrument that has settled, and one that warms up.
 const DRIFT_SIZES: [f64; 2] = [1.0, 5.0];
-/// Prior sizes of the twins of each candidate, as shares of the typical sizes. They are small because milling cells are
-/// calibrated.
-const SIZES: [f64; 2] = [0.3, 0.08];
+/// Prior sizes of the twins of each candidate, as shares of the typical sizes: most milling cells are calibrated, and a
+/// few are far off. Without the large size, a second effect would describe what a number cannot reach.
+const SIZES: [f64; 3] = [0.3, 0.08, 4.0];
 /// The same for poses over the whole robot. The large ones are for robots that were not calibrated, and for reflectors
 /// whose position was not measured.
 const SIZES_WHOLE: [f64; 3] = [40.0, 6.0, 0.3];
@@ -62,7 +62,9 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
     // Each candidate has twins with other prior sizes, which have the same columns.
     let sizes = |candidate: &Candidate| match candidate.known {
         None if problem.is_of_robot() => &SIZES_WHOLE[..],
-        _ => &SIZES,
+        None => &SIZES,
+        // The covariance from an earlier identification is already that of a larger change.
+        Some(_) => &SIZES[..2],
     };
     found.iter_mut().for_each(|candidate| candidate.variants *= (sizes(candidate).len() + 1) as f64);
     let twin = |c: &Candidate| sizes(c).iter().map(|&scale| Candidate { scale, ..c.clone() }).collect::<Vec<_>>();

@@ -82,9 +82,9 @@ impl Columns {
         Self { list, curves: self.curves.clone(), means: self.means.clone(), limits: self.limits.clone() }
     }
 
-    /// The same columns with the typical sizes as prior sizes, prior means of zero and no bounds.
+    /// The same columns with prior sizes of at least the typical sizes, prior means of zero and no bounds.
     pub(super) fn full_size(&self) -> Self {
-        let list = self.list.iter().map(|&(column, _)| (column, 1.0)).collect();
+        let list = self.list.iter().map(|&(column, size)| (column, size.max(1.0))).collect();
         Self { curves: self.curves.clone(), ..Self::independent(list) }
     }
 

@@ -78,7 +78,7 @@ impl Engine {
         if own.is_empty() {
             return None;
         }
-        let is_other = |c: &usize| self.candidates[*c].is_full_size() && (own.len() > 1 || !own.contains(c));
+        let is_other = |c: &usize| self.candidates[*c].is_typical_size() && (own.len() > 1 || !own.contains(c));
         let others: Vec<usize> = (0..self.candidates.len()).filter(|c| spring(c) && is_other(c)).collect();
         let mut best: Best = (self.objective_here(), self.candidates.clone(), self.chosen.clone());
         let mut kinds: Vec<String> = own.iter().map(|&c| self.candidates[c].kind.clone()).collect();

@@ -77,7 +77,7 @@ impl Engine {
         let mut best: Vec<(&str, f64, usize)> = Vec::new();
         for (c, candidate) in self.candidates.iter().enumerate() {
             let names_effect = candidate.law().is_some_and(|law| law.shape != Shape::Map);
-            if !names_effect || !candidate.is_full_size() || candidate.curve.is_some() || !search.joins(set, c) {
+            if !names_effect || !candidate.is_typical_size() || candidate.curve.is_some() || !search.joins(set, c) {
                 continue;
             }
             let known = best.iter().position(|(family, ..)| *family == candidate.family);
@@ -150,7 +150,7 @@ impl Engine {
             None => 1.0,
             Some(law) if law.shape == Shape::Periodic => own.variants,
             Some(_) => {
-                let same = |other: &&Candidate| other.family == own.family && other.is_full_size();
+                let same = |other: &&Candidate| other.family == own.family && other.is_typical_size();
                 self.candidates.iter().filter(same).count().max(1) as f64
             }
         }

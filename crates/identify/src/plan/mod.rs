@@ -354,7 +354,7 @@ fn section(cell: &Cell) -> Result<&PlanSection, Vec<Diagnostic>> {
 
 /// The candidates that a plan can be made for: laws with few numbers, and a few variants of each kind.
 fn listed(all: Vec<Candidate>) -> Vec<Candidate> {
-    let is_law = |c: &Candidate| c.is_full_size() && c.law().is_some_and(|law| law.shape == Shape::Law);
+    let is_law = |c: &Candidate| c.is_typical_size() && c.law().is_some_and(|law| law.shape == Shape::Law);
     let all: Vec<Candidate> = all.into_iter().filter(is_law).collect();
     let mut kept: Vec<Candidate> = Vec::new();
     for candidate in &all {
