@@ -20,6 +20,8 @@ const DRIFT_SIZES: [f64; 2] = [1.0, 5.0];
 /// Prior sizes of the twins of each candidate, as shares of the typical sizes: most milling cells are calibrated, and a
 /// few are far off. Without the large size, a second effect would describe what a number cannot reach.
 const SIZES: [f64; 3] = [0.3, 0.08, 4.0];
+/// The same for numbers with a covariance from an earlier identification, which already states how far off they may be.
+const SIZES_IDENTIFIED: [f64; 2] = [0.3, 0.08];
 /// The same for poses over the whole robot. The large ones are for robots that were not calibrated, and for reflectors
 /// whose position was not measured.
 const SIZES_WHOLE: [f64; 3] = [40.0, 6.0, 0.3];
@@ -63,8 +65,7 @@ pub(super) fn all(arm: &Arm, problem: &Problem, covariances: &[Option<DMatrix<f6
     let sizes = |candidate: &Candidate| match candidate.known {
         None if problem.is_of_robot() => &SIZES_WHOLE[..],
         None => &SIZES,
-        // The covariance from an earlier identification is already that of a larger change.
-        Some(_) => &SIZES[..2],
+        Some(_) => &SIZES_IDENTIFIED,
     };
     found.iter_mut().for_each(|candidate| candidate.variants *= (sizes(candidate).len() + 1) as f64);
     let twin = |c: &Candidate| sizes(c).iter().map(|&scale| Candidate { scale, ..c.clone() }).collect::<Vec<_>>();

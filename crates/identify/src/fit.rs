@@ -104,7 +104,8 @@ impl Engine {
             let moments = &linear.moments[0];
             let columns = Search::new(&self.candidates, &linear.moments, &linear.always).columns(&chosen);
             // For a set of few effects the prior sizes of the covariance are at least the typical sizes, so that
-            // directions that the rows do not determine are not too certain. In the model of the whole arm the prior sizes were estimated.
+            // directions that the rows do not determine are not too certain. In the model of the whole arm the prior
+            // sizes were estimated.
             let wide = if self.is_whole_arm() { columns.clone() } else { columns.full_size() };
             let Some((_, covariance)) = posterior(moments, &wide, sigma) else { return };
             let (frames, size) = (linear.always.len(), covariance.nrows() - linear.always.len());

@@ -67,7 +67,7 @@ pub struct Moved {
 }
 
 impl Moved {
-    /// Whether it ends there.
+    /// Whether the motion ends here, with the same values.
     ///
     /// # Examples
     /// ```
