@@ -54,13 +54,13 @@ mod tests {
 
     #[test]
     fn torques_follow_by_lags_of_the_first_order() {
-        // 100 N·m for 25 s, then none for 25 s: 1 − 1/e of it after 25 s, and (1 − 1/e)/e after 50 s.
+        // 100 N·m for 15 s, then none for 15 s: 1 − 1/e of it after 15 s, and (1 − 1/e)/e after 30 s.
         let (torque, e) = (Joints::repeat(100.0), std::f64::consts::E);
         let twist = Joints::zeros();
-        let loaded = CuttingTorque::default().after(&torque, twist, 10.0).after(&torque, twist, 15.0);
+        let loaded = CuttingTorque::default().after(&torque, twist, 10.0).after(&torque, twist, 5.0);
         assert_abs_diff_eq!(loaded.delayed_nm[1][3], 100.0 * (1.0 - 1.0 / e), epsilon = 1e-12);
-        let rested = loaded.after(&Joints::zeros(), twist, 25.0);
+        let rested = loaded.after(&Joints::zeros(), twist, 15.0);
         assert_abs_diff_eq!(rested.delayed_nm[1][3], 100.0 * (1.0 - 1.0 / e) / e, epsilon = 1e-12);
-        assert_abs_diff_eq!(loaded.delayed_nm[0][3], 100.0 * (1.0 - (-5.0_f64).exp()), epsilon = 1e-12);
+        assert_abs_diff_eq!(loaded.delayed_nm[0][3], 100.0 * (1.0 - (-3.0_f64).exp()), epsilon = 1e-12);
     }
 }

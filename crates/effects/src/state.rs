@@ -193,8 +193,8 @@ impl Situation<'_> {
     }
 }
 
-/// Times after which gears that creep follow a torque, s: one to a factor of five, from the time of a motion to that of a program.
-pub(crate) const CREEP_TIMES_S: [f64; 3] = [5.0, 25.0, 125.0];
+/// Times after which gears that creep follow a torque, s: one to a factor of three, from the time of a motion to that of a program.
+pub(crate) const CREEP_TIMES_S: [f64; 4] = [5.0, 15.0, 45.0, 135.0];
 
 /// What the cutting force at a target, and the forces before it, do to the gears.
 ///
@@ -211,7 +211,7 @@ pub(crate) const CREEP_TIMES_S: [f64; 3] = [5.0, 25.0, 125.0];
 pub struct CuttingTorque {
     /// Twist of the gears under the force at the target, by their declared stiffness, rad.
     pub twist_rad: Joints,
-    /// Torques of the forces at the motors, each delayed by a lag of the first order, N·m: with a lag of 5 s, of 25 s and of 125 s.
+    /// Torques of the forces at the motors, each delayed by a lag of the first order, N·m: with a lag of 5 s, of 15 s, of 45 s and of 135 s.
     pub delayed_nm: [Joints; CREEP_TIMES_S.len()],
 }
 

@@ -13,7 +13,7 @@ const CUT: &str = "[cut]\nforce = \"constant\"\nforce_n = [150.0, -90.0, 120.0]\
 
 /// All joints yield by another fifth, with a time constant of 5 s.
 const CREEP: &str = "\n[[effect]]\nkind = \"creep\"\nshare_5_s = [0.2, 0.2, 0.2, 0.2, 0.2, 0.2]\n\
-                     share_25_s = [0, 0, 0, 0, 0, 0]\nshare_125_s = [0, 0, 0, 0, 0, 0]\n";
+                     share_15_s = [0, 0, 0, 0, 0, 0]\nshare_45_s = [0, 0, 0, 0, 0, 0]\nshare_135_s = [0, 0, 0, 0, 0, 0]\n";
 const FRICTION: &str = "\n[[effect]]\nkind = \"backlash\"\nhalf_gap_rad = [1e-4, 1e-4, 1e-4, 1e-4, 1e-4, 1e-4]\n\
                         presliding_rad = [1e-3, 3e-4, 2e-3, 1e-3, 3e-3, 5e-4]\n";
 /// Share of the deflection by which the change of the pose in the last seconds may matter.
