@@ -3,7 +3,7 @@
 use super::KeptReason;
 use super::frames::WobjFrame;
 use deflex_cell::Cell;
-use deflex_effects::{ToolFrame, UnitAt};
+use deflex_effects::{Carries, ToolFrame, UnitAt};
 use deflex_equilibrium::Setting;
 use deflex_program::{ExternalAxes, Motion, Predecessor, Target};
 use deflex_robot::{AxisName, EXTERNAL_AXES, External, Pose, Units, gravity_at};
@@ -174,14 +174,17 @@ impl Moving {
         let wobj_from_world = (world_from_base * setting.base_from_wobj).inverse();
         let at = |i: usize| {
             let under = |top: Option<usize>| units.chain(top).any(|below| below == i);
-            let (part, robot) = (under(self.wobj.unit), under(units.under_robot()));
-            let known = units.chain(Some(i)).all(|below| !external[units.all()[below].axis].is_nan());
-            let frame = if known && part != robot {
-                wobj_from_world * units.world_from_frame(i, &external)
-            } else {
-                Pose::identity()
+            let is_known = units.chain(Some(i)).all(|below| !external[units.all()[below].axis].is_nan());
+            let carries = match (under(self.wobj.unit), under(units.under_robot())) {
+                (true, false) if is_known => Carries::Part,
+                (false, true) if is_known => Carries::Robot,
+                _ => Carries::BothOrNone,
             };
-            UnitAt::new(&units.all()[i].name, frame, known && part && !robot, known && robot && !part)
+            let frame = match carries {
+                Carries::BothOrNone => Pose::identity(),
+                Carries::Part | Carries::Robot => wobj_from_world * units.world_from_frame(i, &external),
+            };
+            UnitAt::new(&units.all()[i].name, frame, carries)
         };
         Moved { external, setting, units: (0..units.all().len()).map(at).collect() }
     }

@@ -52,7 +52,9 @@ pub(crate) use physics::Physics;
 pub use physics::{Deflection, Law, Load, Offset, Parts, Site, State};
 pub use presliding::Presliding;
 pub(crate) use state::{CREEP_TIMES_S, unit_key};
-pub use state::{Cutting, CuttingTorque, ForceLaw, MOST_CLAMPS, PartAt, PartYield, Situation, ToolFrame, UnitAt};
+pub use state::{
+    Carries, Cutting, CuttingTorque, ForceLaw, MOST_CLAMPS, PartAt, PartYield, Situation, ToolFrame, UnitAt,
+};
 pub use survey::Survey;
 pub use table::Number;
 

@@ -1,6 +1,6 @@
 //! The physics of an effect, written once for a single target and for several at a time (lanes).
 
-use super::{CREEP_TIMES_S, CuttingTorque, Listed, MOST_CLAMPS, PartAt, UnitAt};
+use super::{CREEP_TIMES_S, Carries, CuttingTorque, Listed, MOST_CLAMPS, PartAt, UnitAt};
 use deflex_lanes::{Frame, Real, Vector, six};
 use deflex_robot::kinematics::{Chain, Six};
 use deflex_robot::{EXTERNAL_AXES, Joints, Robot};
@@ -195,11 +195,15 @@ impl<R: Real> Site<R> {
 
     /// Sets the mechanical units of a lane. All lanes with units must have the same ones.
     pub fn set_units(&mut self, lane: usize, units: &[UnitAt]) {
-        let of = |on: bool| f64::from(u8::from(on));
         for (i, slot) in self.units.iter_mut().enumerate() {
             let unit = units.get(i);
-            slot.part.set(lane, unit.map_or(0.0, |unit| of(unit.part)));
-            slot.robot.set(lane, unit.map_or(0.0, |unit| of(unit.robot)));
+            let (part, robot) = match unit.map(|unit| unit.carries) {
+                Some(Carries::Part) => (1.0, 0.0),
+                Some(Carries::Robot) => (0.0, 1.0),
+                Some(Carries::BothOrNone) | None => (0.0, 0.0),
+            };
+            slot.part.set(lane, part);
+            slot.robot.set(lane, robot);
             if let Some(unit) = unit {
                 slot.key = unit.key;
                 slot.wobj_from_unit.set(lane, &unit.wobj_from_unit);

@@ -326,32 +326,48 @@ impl<'a> PartAt<'a> {
     }
 }
 
+/// What stands on a mechanical unit, directly or on another unit.
+///
+/// # Examples
+/// ```
+/// use deflex_effects::Carries;
+///
+/// assert_ne!(Carries::Part, Carries::Robot);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carries {
+    /// The work object, and not the robot.
+    Part,
+    /// The robot, and not the work object.
+    Robot,
+    /// Both or none of them: an error of its frame does not move one against the other.
+    BothOrNone,
+}
+
 /// The place of a mechanical unit at a target, for errors of its frame.
 ///
 /// # Examples
 /// ```
-/// use deflex_effects::UnitAt;
+/// use deflex_effects::{Carries, UnitAt};
 /// use deflex_robot::Pose;
 ///
-/// let table = UnitAt::new("STN1", Pose::identity(), true, false);
-/// assert!(table.part && !table.robot); // it carries the part, and not the robot
+/// let table = UnitAt::new("STN1", Pose::identity(), Carries::Part);
+/// assert_eq!(table.carries, Carries::Part);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UnitAt {
     pub(crate) key: u64,
     /// Frame of the unit at position zero, on whatever it stands on at this target, in the declared work object, m.
     pub wobj_from_unit: Pose,
-    /// Whether the work object is on it, and the robot is not.
-    pub part: bool,
-    /// Whether the robot is on it, and the work object is not.
-    pub robot: bool,
+    /// What stands on it.
+    pub carries: Carries,
 }
 
 impl UnitAt {
     /// A unit by its name; upper and lower case are the same.
     #[must_use]
-    pub fn new(name: &str, wobj_from_unit: Pose, part: bool, robot: bool) -> Self {
-        Self { key: unit_key(name), wobj_from_unit, part, robot }
+    pub fn new(name: &str, wobj_from_unit: Pose, carries: Carries) -> Self {
+        Self { key: unit_key(name), wobj_from_unit, carries }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Rules that hold for every kind in the registry, in every form it has.
 
 use deflex::effects::{
-    Cutting, CuttingTorque, Effect, KINDS, PartAt, PartYield, Situation, Survey, ToolFrame, UnitAt, kind,
+    Carries, Cutting, CuttingTorque, Effect, KINDS, PartAt, PartYield, Situation, Survey, ToolFrame, UnitAt, kind,
 };
 use deflex::equilibrium::Arm;
 use deflex::robot::{Axes, BUILTIN, Joints, Pose};
@@ -58,7 +58,7 @@ fn arm(effects: Vec<Box<dyn Effect>>) -> Arm {
 /// A table under the part and a track under the robot.
 static UNITS: std::sync::LazyLock<Vec<UnitAt>> = std::sync::LazyLock::new(|| {
     let at = |x, turn| Pose::from_parts(Translation3::new(x, 0.2, -0.1), Rotation3::from_euler_angles(0.1, turn, 0.2));
-    vec![UnitAt::new("STN1", at(0.3, 0.4), true, false), UnitAt::new("TRACK1", at(-1.2, -0.1), false, true)]
+    vec![UnitAt::new("STN1", at(0.3, 0.4), Carries::Part), UnitAt::new("TRACK1", at(-1.2, -0.1), Carries::Robot)]
 });
 
 /// A part between two clamps, of which each takes about half of a force.
