@@ -12,15 +12,9 @@ use super::moments::Moments;
 use super::pattern::Standing;
 use super::profile::Profile;
 use super::score::{Score, score};
-use deflex_effects::kind;
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-
-/// Whether every effect of the kind `part` is also an effect of the kind `whole`.
-pub(super) fn contains(whole: &str, part: &str) -> bool {
-    kind(part).is_some_and(|kind| kind.nested_in.contains(&whole))
-}
 
 /// Largest number of members of a set, where each joint's curve is a member: one table does not show more.
 pub(super) const MOST_MEMBERS: usize = 12;
@@ -356,15 +350,12 @@ impl<'a> Search<'a> {
     }
 
     /// For each allowed kind the best set in which it replaces `member`, alone or with a fault of the measurement, and
-    /// the objective of the set, nats. `without` is the set without the member. A kind that contains the member's kind
-    /// has an advantage of one nat of [`caution`], because its additional numbers alone must not decide against it.
+    /// the objective of the set, nats. `without` is the set without the member.
     pub(super) fn in_place_of(
         &self,
-        member: usize,
         without: &[usize],
         allowed: &dyn Fn(&Candidate) -> bool,
     ) -> BTreeMap<&str, (f64, Vec<usize>)> {
-        let own = &self.candidates[member].kind;
         let joins = |c: &usize| {
             let candidate = &self.candidates[*c];
             candidate.is_named() && allowed(candidate) && self.joins(without, *c)
@@ -375,8 +366,7 @@ impl<'a> Search<'a> {
         let mut best: BTreeMap<&str, (f64, Vec<usize>)> = BTreeMap::new();
         for (c, set) in alone.chain(with_faults) {
             let kind = &self.candidates[c].kind[..];
-            let nested = if contains(kind, own) { self.caution() } else { 0.0 };
-            let value = self.objective(&set) + nested;
+            let value = self.objective(&set);
             if best.get(kind).is_none_or(|(most, _)| value > *most) {
                 best.insert(kind, (value, set));
             }
@@ -385,15 +375,13 @@ impl<'a> Search<'a> {
     }
 
     /// Posterior probability of a member against all that could replace it, and the probabilities of the kinds that
-    /// could, most likely first. A kind that contains the member's kind has an advantage of one nat of [`caution`],
-    /// because its additional numbers alone must not decide against it.
+    /// could, most likely first.
     pub(super) fn rivals(&self, set: &[usize], member: usize) -> (f64, Vec<(String, f64)>) {
         let without: Vec<usize> = set.iter().copied().filter(|&c| c != member).collect();
         let (own, caution) = (self.objective_and_shape(set), self.caution());
-        // `more` is an advantage in nats that the evidence does not have.
-        let weight = |set: &[usize], more: f64| {
+        let weight = |set: &[usize]| {
             let far = self.is_far_below(own, set);
-            if far { 0.0 } else { ((self.objective(set) + more - own.0) / caution).min(50.0).exp() }
+            if far { 0.0 } else { ((self.objective(set) - own.0) / caution).min(50.0).exp() }
         };
         let kind = &self.candidates[member].kind;
         let in_place = |&c: &usize| (c == member || self.candidates[c].is_named()) && self.joins(&without, c);
@@ -402,11 +390,9 @@ impl<'a> Search<'a> {
         let mut weights: BTreeMap<&String, f64> = BTreeMap::new();
         // The weights of the other variants of its kind count for the member.
         for (c, set) in alone.chain(with_faults) {
-            let other = &self.candidates[c].kind;
-            let nested = if contains(other, kind) { caution } else { 0.0 };
-            *weights.entry(other).or_default() += weight(&set, nested);
+            *weights.entry(&self.candidates[c].kind).or_default() += weight(&set);
         }
-        let total = weight(&without, 0.0) + weights.values().sum::<f64>();
+        let total = weight(&without) + weights.values().sum::<f64>();
         let of_kind = weights.remove(kind).unwrap_or_default();
         let mut rivals: Vec<(String, f64)> =
             weights.into_iter().map(|(kind, weight)| (kind.clone(), weight / total)).collect();

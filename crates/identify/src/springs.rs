@@ -131,7 +131,7 @@ impl Engine {
         let search = Search::new(&self.candidates, &linear.moments, &linear.always);
         objectives.insert(Vec::new(), search.objective(&without));
         let mut likeliest: Option<(f64, Vec<usize>)> = None;
-        for (kind, (value, set)) in search.in_place_of(own, &without, &|candidate| candidate.family != SPRING) {
+        for (kind, (value, set)) in search.in_place_of(&without, &|candidate| candidate.family != SPRING) {
             objectives.insert(vec![kind.to_owned()], value);
             if value > likeliest.as_ref().map_or(best.0, |(most, _)| *most) {
                 likeliest = Some((value, set));

@@ -10,7 +10,6 @@
 use super::draws::Draws;
 use crate::candidate::Candidate;
 use crate::decisions::{NAMED, PRICE, caution};
-use crate::search::contains;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Weight of each pair in addition to the share of effects that will be named. With it a search also improves pairs
@@ -262,8 +261,6 @@ impl Criterion {
             for kind in (0..=self.kinds.len()).filter(|&kind| kind != truth.kind) {
                 let gain = discrimination.evidence[(t, truth.kind)] - discrimination.evidence[(t, kind)];
                 let spread = discrimination.distance[(t, kind)].clamp(1.0, 1e3);
-                let nested = self.kinds.get(kind).is_some_and(|kind| contains(kind, &self.kinds[truth.kind]));
-                let needed = needed + if nested { caution } else { 0.0 };
                 let taken = self.weights[(truth.kind, kind)] * normal_tail((gain - needed) / spread);
                 named *= 1.0 - taken;
                 each += taken;
