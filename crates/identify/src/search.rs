@@ -349,8 +349,8 @@ impl<'a> Search<'a> {
         names
     }
 
-    /// For each allowed kind the best set in which it replaces `member`, alone or with a fault of the measurement, and
-    /// the objective of the set, nats. `without` is the set without the member.
+    /// For each allowed kind the best set that has it in place of a member, alone or with a fault of the measurement,
+    /// and the objective of the set, nats. `without` is the set without the member.
     pub(super) fn in_place_of(
         &self,
         without: &[usize],

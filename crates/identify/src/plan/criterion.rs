@@ -254,8 +254,7 @@ impl Criterion {
     pub(super) fn confusion(&self, discrimination: &Discrimination) -> f64 {
         let (mut missed, mut each) = (0.0, 0.0);
         // The log evidence over a rival that a name requires, nats.
-        let caution = caution(discrimination.scalars);
-        let needed = (NAMED / (1.0 - NAMED)).ln() * caution;
+        let needed = (NAMED / (1.0 - NAMED)).ln() * caution(discrimination.scalars);
         for (t, truth) in self.truths.iter().enumerate() {
             let mut named = 1.0;
             for kind in (0..=self.kinds.len()).filter(|&kind| kind != truth.kind) {
