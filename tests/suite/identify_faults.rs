@@ -33,6 +33,19 @@ const NONE: &str = "designed_wander_none-20";
 const BACKLASH: &str = "plain_wander_backlash-20";
 
 #[test]
+fn a_force_column_with_its_sign_turned_is_said_and_nothing_is_added() {
+    let mut turned = table(NONE);
+    for row in &mut turned.rows {
+        row.force_n = row.force_n.map(|[x, y, z]| [x, -y, z]);
+    }
+    let found = found(NONE, turned, &cell(NONE));
+    assert!(found.added.is_empty(), "{:?}", found.added);
+    assert!(found.unexplained.significant);
+    let words = &found.unexplained.correlates[0].with;
+    assert!(found.unexplained.correlates.iter().any(|c| c.with.contains("fy_n with its sign turned")), "{words}");
+}
+
+#[test]
 fn forces_that_come_some_rows_late_are_said_with_their_number() {
     const ROWS: usize = 4;
     let mut late = table(NONE);
