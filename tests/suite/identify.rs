@@ -281,8 +281,8 @@ fn an_arm_that_is_off_everywhere_is_corrected_elsewhere_too() {
     let table = Table::read(&source(&folder.join("transfer_measured.csv"))).unwrap();
     let options = Options { forces: Some(table.forces()), ..Options::default() };
     let rows = predict(&program(&folder.join("transfer.mod")), &cell, &options, None).unwrap().rows;
-    // On the measured program the errors of the effects cancel. What remains depends on the variance of the discrepancy, which
-    // the evidence does not determine here: 0.25 and 1 times that of the noise differ by 0.1 nats, and give 0.008 and 0.012 mm.
+    // On the measured program the errors of the effects cancel. Thermal growth has numbers at their bounds here. The rest depends on
+    // the variance of the discrepancy, which the evidence hardly determines: 0.25 and 1 times that of the noise differ by 0.1 nats.
     let measured = Table::read(&source(&folder.join("measured.csv"))).unwrap();
     let options = Options { forces: Some(measured.forces()), ..Options::default() };
     let seen = predict(&program(&folder.join("part.mod")), &cell, &options, None).unwrap().rows;
