@@ -330,9 +330,11 @@ impl<'a> PartAt<'a> {
 ///
 /// # Examples
 /// ```
-/// use deflex_effects::Carries;
+/// use deflex_effects::{Carries, UnitAt};
+/// use deflex_robot::Pose;
 ///
-/// assert_ne!(Carries::Part, Carries::Robot);
+/// let track = UnitAt::new("TRACK1", Pose::identity(), Carries::Robot);
+/// assert_eq!(track.carries, Carries::Robot); // an error of its frame moves the robot against the part
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Carries {
@@ -340,7 +342,7 @@ pub enum Carries {
     Part,
     /// The robot, and not the work object.
     Robot,
-    /// Both or none of them: an error of its frame does not move one against the other.
+    /// Both or none of them, so that an error of its frame does not move one against the other, or unknown.
     BothOrNone,
 }
 
