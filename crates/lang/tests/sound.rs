@@ -13,8 +13,10 @@ use deflex_lang::shared::{Editable, agree, editable};
 use deflex_lang::urscript::{UrScript, read};
 use nalgebra::{Isometry3, Point3, Vector3};
 use random::Random;
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
+use std::ops::Add;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Var {
@@ -700,6 +702,14 @@ struct Seen {
     moved: usize,
 }
 
+impl Add for Seen {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { edited: self.edited + other.edited, kept: self.kept + other.kept, moved: self.moved + other.moved }
+    }
+}
+
 fn hold(seed: u64, seen: &mut Seen) {
     let random = Random(seed);
     let generator = Generator { random, literals: Vec::new(), lines: 0, loops: 0 };
@@ -785,10 +795,12 @@ fn hold(seed: u64, seen: &mut Seen) {
 #[test]
 fn what_is_edited_is_right_in_every_run() {
     let count = std::env::var("DEFLEX_LANG_PROGRAMS").ok().and_then(|count| count.parse().ok()).unwrap_or(3000);
-    let mut seen = Seen::default();
-    for seed in 0..count {
+    let one = |seed| {
+        let mut seen = Seen::default();
         hold(seed, &mut seen);
-    }
+        seen
+    };
+    let seen = (0..count).into_par_iter().map(one).reduce(Seen::default, Seen::add);
     // The test looks at what it is there for.
     assert!(seen.edited * 10 > seen.kept, "{} edited, {} kept", seen.edited, seen.kept);
 }

@@ -14,8 +14,10 @@ use deflex_lang::ir::{Path, TokenId};
 use deflex_lang::run::run;
 use deflex_lang::shared::{Editable, agree, editable};
 use random::Random;
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
+use std::ops::Add;
 
 /// Teaching positions of each job, and position variables that come with the first.
 const TAUGHT: usize = 16;
@@ -584,6 +586,19 @@ struct Seen {
     circles: usize,
 }
 
+impl Add for Seen {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            edited: self.edited + other.edited,
+            kept: self.kept + other.kept,
+            moved: self.moved + other.moved,
+            circles: self.circles + other.circles,
+        }
+    }
+}
+
 fn load_all(texts: &[String]) -> (Vec<Job>, BTreeMap<String, (String, Numbers)>) {
     let mut positions = BTreeMap::new();
     let jobs = texts.iter().enumerate().map(|(file, text)| load(file, text, &mut positions)).collect();
@@ -692,10 +707,12 @@ fn hold(seed: u64, seen: &mut Seen) {
 #[test]
 fn what_is_edited_is_right_in_every_run() {
     let count = std::env::var("DEFLEX_LANG_PROGRAMS").ok().and_then(|count| count.parse().ok()).unwrap_or(3000);
-    let mut seen = Seen::default();
-    for seed in 0..count {
+    let one = |seed| {
+        let mut seen = Seen::default();
         hold(seed, &mut seen);
-    }
+        seen
+    };
+    let seen = (0..count).into_par_iter().map(one).reduce(Seen::default, Seen::add);
     // The test looks at what it is there for.
     let Seen { edited, kept, moved, circles } = seen;
     assert!(
