@@ -14,6 +14,16 @@ fn within(found: f64, exact: f64, share: f64) {
     );
 }
 
+/// The cells that a body fills. `Solid::of` is compiled for each kind of function, so all tests give it the same kind.
+fn solid(grid: Grid, depth: &(dyn Fn([f64; 3]) -> f64 + Sync)) -> Solid {
+    Solid::of(grid, depth)
+}
+
+/// A body that fills all cells.
+fn full(grid: Grid) -> Solid {
+    solid(grid, &|_| 1.0)
+}
+
 fn clamp(low: [f64; 3], high: [f64; 3]) -> Clamp {
     Clamp { bounds: [low, high], stiffness: RIGID }
 }
@@ -29,7 +39,7 @@ fn cantilever(length: f64, height: f64, width: f64) -> f64 {
 fn a_cantilever_of_two_cells_bends_as_timoshenko_has_it() {
     // The clamp holds the width too, which stiffens the first few millimetres: 1 % of a beam 20 times as long as high.
     let grid = Grid::over([0.0; 3], [40.0, 2.0, 2.0], 1.0);
-    let body = Body::new(&Solid::of(grid, |_| 1.0), ALUMINIUM, &[clamp([0.0; 3], [0.0, 2.0, 2.0])]).unwrap();
+    let body = Body::new(&full(grid), ALUMINIUM, &[clamp([0.0; 3], [0.0, 2.0, 2.0])]).unwrap();
     let tip = body.compliance(&[[40.0, 1.0, 1.0]])[0];
     within(tip[(2, 2)], cantilever(40.0, 2.0, 2.0), 0.015);
     within(tip[(1, 1)], tip[(2, 2)], 1e-6);
@@ -42,7 +52,7 @@ fn faces_within_cells_bend_as_they_would_between_them() {
     // A beam of height 2.5 of cells of 1: the uppermost is half full. Whole cells would be off by (3/2.5)³ = 1.7.
     let exact = cantilever(40.0, 2.5, 2.0);
     let grid = Grid::over([0.0; 3], [40.0, 2.0, 3.0], 1.0);
-    let solid = Solid::of(grid, |p| 2.5 - p[2]);
+    let solid = solid(grid, &|p| 2.5 - p[2]);
     let end = clamp([0.0; 3], [0.0, 2.0, 3.0]);
     let tip = |solid: &Solid| Body::new(solid, ALUMINIUM, &[end]).unwrap().compliance(&[[40.0, 1.0, 1.0]])[0][(2, 2)];
     within(tip(&solid), exact, 0.02);
@@ -61,7 +71,7 @@ fn a_beam_across_the_grid_converges() {
             (along + 2.0).min(40.0 - along).min(across + 1.5).min(1.5 - across)
         };
         let root = clamp([-3.0, -3.0, 0.0], [0.0, 24.0, 3.0]);
-        let body = Body::new(&Solid::of(grid, depth), ALUMINIUM, &[root]).unwrap();
+        let body = Body::new(&solid(grid, &depth), ALUMINIUM, &[root]).unwrap();
         let tip = body.compliance(&[[40.0 * cos, 40.0 * sin, 1.5]])[0];
         tip[(2, 2)] / exact
     };
@@ -87,7 +97,7 @@ fn a_clamped_plate_yields_as_timoshenko_and_woinowsky_krieger_have_it() {
         clamp([0.0; 3], [80.0, 0.0, 1.0]),
         clamp([0.0, 80.0, 0.0], [80.0, 80.0, 1.0]),
     ];
-    let body = Body::new(&Solid::of(grid, |_| 1.0), material, &edges).unwrap();
+    let body = Body::new(&full(grid), material, &edges).unwrap();
     let middle = body.compliance(&[[40.0, 40.0, 1.0]])[0];
     within(middle[(2, 2)], 0.00560 * 80.0 * 80.0 / plate(1.0, 0.3), 0.02);
 }
@@ -163,7 +173,7 @@ fn a_plate_that_is_clamped_on_three_sides_yields_as_ritz_has_it() {
         clamp([60.0, 0.0, 0.0], [60.0, 40.0, 1.0]),
         clamp([0.0; 3], [60.0, 0.0, 1.0]),
     ];
-    let body = Body::new(&Solid::of(grid, |_| 1.0), material, &edges).unwrap();
+    let body = Body::new(&full(grid), material, &edges).unwrap();
     let free = body.compliance(&[[30.0, 40.0, 1.0]])[0];
     let exact = ritz([60.0, 40.0], [CLAMPED, CLAMPED_AND_FREE], 1.0, plate(1.0, 0.3), 0.3).unwrap();
     within(free[(2, 2)], exact, 0.03);
@@ -175,7 +185,7 @@ fn a_blade_that_grows_thinner_bends_as_a_tapered_beam() {
     let (length, width) = (50.0, 5.0);
     let thickness = |x: f64| 4.0 - 2.5 * x / length;
     let grid = Grid::over([0.0; 3], [length, width, 4.0], 0.5);
-    let solid = Solid::of(grid, |p| 0.5 * thickness(p[0]) - (p[2] - 2.0).abs());
+    let solid = solid(grid, &|p| 0.5 * thickness(p[0]) - (p[2] - 2.0).abs());
     let body = Body::new(&solid, ALUMINIUM, &[clamp([0.0; 3], [0.0, width, 4.0])]).unwrap();
     let tip = body.compliance(&[[length, 2.5, 2.0]])[0];
     let shear = ALUMINIUM.e / (2.0 * (1.0 + ALUMINIUM.nu));
@@ -194,7 +204,7 @@ fn a_strip_clamped_along_one_side_yields_as_an_infinite_cantilever_plate() {
     // Jaramillo (1950): force at the free edge of a long cantilever plate, under it w = 0.168 P a²/D (ν = 0.3).
     let material = Material { nu: 0.3, ..ALUMINIUM };
     let grid = Grid::over([0.0; 3], [160.0, 30.0, 1.0], 1.0);
-    let body = Body::new(&Solid::of(grid, |_| 1.0), material, &[clamp([0.0; 3], [160.0, 0.0, 1.0])]).unwrap();
+    let body = Body::new(&full(grid), material, &[clamp([0.0; 3], [160.0, 0.0, 1.0])]).unwrap();
     let edge = body.compliance(&[[80.0, 30.0, 1.0]])[0];
     within(edge[(2, 2)], 0.168 * 900.0 / plate(1.0, 0.3), 0.03);
 }
@@ -209,7 +219,7 @@ fn a_thin_tube_bends_as_a_beam_of_its_ring() {
         let wall = (outer - r).min(r - inner);
         wall.max((outer - r).min(p[2] - length))
     };
-    let solid = Solid::of(grid, depth);
+    let solid = solid(grid, &depth);
     let body = Body::new(&solid, ALUMINIUM, &[clamp([-6.0, -6.0, 0.0], [6.0, 6.0, 0.0])]).unwrap();
     let tip = body.compliance(&[[0.0, 0.0, length]])[0];
     let pi = std::f64::consts::PI;
@@ -225,7 +235,7 @@ fn springs_under_a_block_give_what_they_say() {
     // A cube on a spring of 1000 N/mm in each direction: pushed from above over its middle, it sinks by F/k and a dent.
     let grid = Grid::over([0.0; 3], [10.0; 3], 1.0);
     let foot = Clamp { bounds: [[0.0; 3], [10.0, 10.0, 0.0]], stiffness: [1000.0, 2000.0, 500.0] };
-    let body = Body::new(&Solid::of(grid, |_| 1.0), ALUMINIUM, &[foot]).unwrap();
+    let body = Body::new(&full(grid), ALUMINIUM, &[foot]).unwrap();
     let push = body.compliance(&[[5.0, 5.0, 10.0]])[0];
     within(push[(2, 2)], 1.0 / 500.0, 0.015);
     // Pushed sideways at the top it also tilts: by F h² / (k_z Σ x²/n), the feet at x = −5 … 5.
@@ -236,7 +246,7 @@ fn springs_under_a_block_give_what_they_say() {
 #[test]
 fn what_is_not_held_is_said() {
     let grid = Grid::over([0.0; 3], [10.0; 3], 1.0);
-    let solid = Solid::of(grid, |_| 1.0);
+    let solid = full(grid);
     let body = |clamps: &[Clamp]| Body::new(&solid, ALUMINIUM, clamps).err();
     assert_eq!(body(&[]), Some(HoldError::Free { turns: false }));
     assert_eq!(body(&[clamp([20.0; 3], [30.0; 3])]), Some(HoldError::Untouched(0)));
@@ -249,7 +259,7 @@ fn what_is_not_held_is_said() {
 fn loose_pieces_carry_nothing() {
     // A slot through the block leaves its far half loose: a force there is taken by what is nearest and held.
     let grid = Grid::over([0.0; 3], [10.0, 4.0, 4.0], 1.0);
-    let solid = Solid::of(grid, |p| if p[0] > 4.0 && p[0] < 6.0 { -1.0 } else { 1.0 });
+    let solid = solid(grid, &|p| if p[0] > 4.0 && p[0] < 6.0 { -1.0 } else { 1.0 });
     let body = Body::new(&solid, ALUMINIUM, &[clamp([0.0; 3], [0.0, 4.0, 4.0])]).unwrap();
     assert_eq!(body.elements(), 4 * 4 * 4);
 }
@@ -257,7 +267,7 @@ fn loose_pieces_carry_nothing() {
 #[test]
 fn a_map_has_what_is_solved_for_at_places_it_has_not_seen() {
     let grid = Grid::over([0.0; 3], [60.0, 40.0, 2.0], 1.0);
-    let body = Body::new(&Solid::of(grid, |_| 1.0), ALUMINIUM, &[clamp([0.0; 3], [60.0, 0.0, 2.0])]).unwrap();
+    let body = Body::new(&full(grid), ALUMINIUM, &[clamp([0.0; 3], [60.0, 0.0, 2.0])]).unwrap();
     let all: Vec<[f64; 3]> =
         (0..=30).flat_map(|i| (1..=20).map(move |j| [2.0 * f64::from(i), 2.0 * f64::from(j), 2.0])).collect();
     let map = ComplianceMap::over(&body, &all, &Accuracy::default(), None);
@@ -271,7 +281,7 @@ fn a_force_at_one_place_moves_another() {
     // a the bar stays straight: by F a² (3 x − a) / (6 E I). Shear adds less than 1 %, and the clamp that holds the width takes away some
     // thousandths.
     let grid = Grid::over([0.0; 3], [40.0, 2.0, 2.0], 1.0);
-    let body = Body::new(&Solid::of(grid, |_| 1.0), ALUMINIUM, &[clamp([0.0; 3], [0.0, 2.0, 2.0])]).unwrap();
+    let body = Body::new(&full(grid), ALUMINIUM, &[clamp([0.0; 3], [0.0, 2.0, 2.0])]).unwrap();
     let at = |x: f64| [x, 1.0, 2.0];
     let all: Vec<[f64; 3]> = (10..=40).map(|x| at(f64::from(x))).collect();
     let map = ComplianceMap::over(&body, &all, &Accuracy { relative: 0.003, ..Accuracy::default() }, None);
@@ -297,7 +307,7 @@ fn assert_as_solved_for(body: &Body, map: &ComplianceMap, places: &[[f64; 3]], s
 fn a_map_finds_each_of_many_walls() {
     // Five walls of 1.5 mm, 3 mm apart, on a block: closer to each other than the places that are solved for.
     let grid = Grid { low: [0.0; 3], size: [2.0, 0.75, 2.0], cells: [15, 30, 15] };
-    let solid = Solid::of(grid, |p| {
+    let solid = solid(grid, &|p| {
         let in_wall = 0.75 - ((p[1] - 2.25).rem_euclid(4.5) - 0.75).abs();
         (10.0 - p[2]).max(in_wall)
     });
@@ -320,8 +330,8 @@ fn a_stage_goes_on_from_the_one_before() {
     let material = ALUMINIUM;
     let end = [clamp([0.0; 3], [60.0, 0.0, 4.0])];
     let grid = Grid::over([0.0; 3], [60.0, 40.0, 4.0], 1.0);
-    let thick = Body::new(&Solid::of(grid, |_| 1.0), material, &end).unwrap();
-    let thin = Body::new(&Solid::of(grid, |p| if p[1] > 20.0 { 3.0 - p[2] } else { 1.0 }), material, &end).unwrap();
+    let thick = Body::new(&full(grid), material, &end).unwrap();
+    let thin = Body::new(&solid(grid, &|p| if p[1] > 20.0 { 3.0 - p[2] } else { 1.0 }), material, &end).unwrap();
     let places: Vec<[f64; 3]> =
         (0..=12).flat_map(|i| (1..=8).map(move |j| [5.0 * f64::from(i), 5.0 * f64::from(j), 0.0])).collect();
     let first = ComplianceMap::over(&thick, &places, &Accuracy::default(), None);
@@ -341,7 +351,7 @@ fn threads_change_nothing() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let grid = Grid::over([0.0; 3], [40.0, 30.0, 3.0], 1.0);
-            let solid = Solid::of(grid, |p| 2.6 - p[2] + 0.01 * p[0]);
+            let solid = solid(grid, &|p| 2.6 - p[2] + 0.01 * p[0]);
             let body = Body::new(&solid, ALUMINIUM, &[clamp([0.0; 3], [40.0, 0.0, 3.0])]).unwrap();
             let places: Vec<[f64; 3]> = (0..20).map(|n| [2.0 * f64::from(n), 28.0, 1.0]).collect();
             let map = ComplianceMap::over(&body, &places, &Accuracy::default(), None);
@@ -369,7 +379,7 @@ fn one_clamp_that_gives_way_takes_the_part_with_it() {
     // All of the part goes with the only clamp: what is added is the clamp's compliance, at any place, and no motion takes force.
     let grid = Grid::over([0.0; 3], [20.0, 10.0, 10.0], 1.0);
     let foot = [clamp([0.0; 3], [20.0, 10.0, 0.0])];
-    let body = Body::new(&Solid::of(grid, |_| 1.0), ALUMINIUM, &foot).unwrap();
+    let body = Body::new(&full(grid), ALUMINIUM, &foot).unwrap();
     let place = [17.0, 3.0, 10.0];
     let more = with_soft_clamps(&body, place, &[1e-4, 2e-4, 3e-5]) - ComplianceMap::solved_at(&body, &[place])[0];
     let wanted = Matrix3::from_diagonal(&[1e-4, 2e-4, 3e-5].into());
@@ -381,7 +391,7 @@ fn soft_clamps_are_those_of_a_body_with_springs_in_their_place() {
     // Each clamp holds one node, so that a spring in its place moves as the clamp does. The motions are of the rigid clamps, or of
     // ones on springs already; the other body has all of it in its springs. Soft ones give way by up to 40 times as much as the part.
     let grid = Grid::over([0.0; 3], [24.0, 16.0, 4.0], 1.0);
-    let solid = Solid::of(grid, |_| 1.0);
+    let solid = full(grid);
     let corners = [[0.0, 0.0, 0.0], [24.0, 0.0, 0.0], [0.0, 16.0, 0.0], [24.0, 16.0, 0.0]];
     let body = |stiffness: &dyn Fn(usize) -> [f64; 3]| {
         let clamps: Vec<Clamp> =

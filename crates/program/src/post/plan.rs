@@ -34,25 +34,6 @@ pub struct PostPlan {
 }
 
 impl PostPlan {
-    /// A plan for tests.
-    #[cfg(test)]
-    pub(super) fn sample((tool, data): (&str, ToolData), (wobj, object): (&str, WobjData), points: usize) -> Self {
-        Self {
-            name: "part".to_owned(),
-            title: vec!["from a test".to_owned()],
-            tools: vec![(tool.to_owned(), data)],
-            wobjs: vec![(wobj.to_owned(), object)],
-            units: Vec::new(),
-            external: [None; EXTERNAL_AXES],
-            speeds: Vec::new(),
-            points,
-            max_points: None,
-            rapid_mm_s: 200.0,
-            speed_unit: SpeedUnit::default(),
-            corner_tolerance_mm: 0.05,
-        }
-    }
-
     /// Lines of the head comment in printable ASCII characters.
     pub(super) fn plain_title(&self) -> impl Iterator<Item = String> {
         let plain = |c: char| if c.is_ascii_graphic() { c } else { ' ' };

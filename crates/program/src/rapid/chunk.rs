@@ -59,12 +59,6 @@ impl Chunk {
         self.own.is_empty()
     }
 
-    /// The system that wrote the program.
-    #[cfg(test)]
-    pub(super) fn dialect(&self) -> &'static str {
-        self.dialect
-    }
-
     /// The head of the program itself, with a declaration in place of those of the chunk.
     pub(super) fn head_with(&self, declaration: &[u8]) -> Vec<u8> {
         let head = &self.source.bytes[..self.head];

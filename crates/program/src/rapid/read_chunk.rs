@@ -29,8 +29,8 @@ impl Chunk {
         Some(chunk)
     }
 
-    /// Reads every statement by itself: the reference for [`Chunk::read`].
-    pub(super) fn read_plain(self) -> Option<StreamableChunk> {
+    /// Reads every statement by itself.
+    fn read_plain(self) -> Option<StreamableChunk> {
         let mut program = super::read_as(self.dialect, vec![self.source], self.context.to_vec()).ok()?;
         let streamable = super::Layout::of(&program).is_some_and(|layout| {
             // A mark after the last motion has no effect.

@@ -81,7 +81,7 @@ pub(super) fn rewrite(program: &Program, layout: &Layout, wanted: Wanted<'_>) ->
     writer.done(written, wanted.inserts)
 }
 
-/// As [`rewrite`], for literals with several users, with the new literals and offsets; its reference in tests.
+/// As [`rewrite`], for literals with several users, with the new literals and offsets.
 pub(super) fn rewrite_agreed(program: &Program, layout: &Layout, wanted: Wanted<'_>) -> (Rewritten, Settled) {
     let writer = Writer::new(program, layout, wanted.options);
     let wanted = Wanted { changes: &writer.of_numbers(wanted.changes), ..wanted };

@@ -323,6 +323,3 @@ fn learn(chunk: &Chunk, text: &[u8], declaration: Option<&[u8]>, robtargets: usi
         like,
     }))
 }
-
-#[cfg(test)]
-mod tests;

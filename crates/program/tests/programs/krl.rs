@@ -1,7 +1,5 @@
 //! Reads small KRL programs and checks the targets, the reasons and the edits.
 
-#![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
-
 use deflex_program::krl::read;
 use deflex_program::{ArcTurn, Change, Editable, Goal, Mark, Motion, Program, Reason, RewriteOptions, Role};
 use deflex_text::{Source, applied};

@@ -1,7 +1,5 @@
 //! FANUC TP in a cell: which cuts are corrected although a motion through air shares their positions.
 
-#![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
-
 use deflex_cell::Cell;
 use deflex_correct::{Options, Status, compensate};
 use deflex_program::tp;

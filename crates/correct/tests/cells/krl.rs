@@ -1,7 +1,5 @@
 //! KRL in a cell whose force follows the feed: cuts after a branch, and at the start of a contour.
 
-#![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
-
 use deflex_cell::Cell;
 use deflex_correct::{Options, Row, Status, compensate};
 use deflex_program::krl;

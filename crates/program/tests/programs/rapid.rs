@@ -1,6 +1,5 @@
-//! Text in, targets and edits out.
+//! RAPID text in, targets and edits out.
 
-#![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
 #![allow(clippy::float_cmp)] // the very numbers that were written
 
 use deflex_program::rapid::read;

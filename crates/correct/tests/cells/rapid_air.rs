@@ -1,7 +1,5 @@
 //! RAPID in a cell: which cuts are corrected although a joint motion through air goes to the same numbers.
 
-#![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
-
 use deflex_cell::Cell;
 use deflex_correct::{Options, Status, compensate, compensate_driven};
 use deflex_program::{Reason, rapid};

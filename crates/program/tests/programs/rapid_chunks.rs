@@ -1,11 +1,12 @@
-//! Tests the line-by-line reader against the full reader.
+//! Compares the reader of chunks that reads RAPID by kinds of lines with the full reader. Any module of context makes a chunk read by the
+//! full reader, here a module that declares nothing.
 
-use super::super::chunk::Chunk;
-use super::super::chunks::Chunks;
-use super::super::declared::Declared;
-use crate::Next;
+use deflex_program::rapid::{Chunks, Declared};
+use deflex_program::{ChunkReader, Next, StreamableChunk};
+use deflex_text::Source;
 use proptest::prelude::*;
 use std::io::Cursor;
+use std::sync::Arc;
 
 const HEAD: &str = "MODULE M\n  PERS tooldata tA:=[TRUE,[[0,0,300],[1,0,0,0]],[8,[0,0,100],[1,0,0,0],0,0,0]];\n  \
                     PERS tooldata tB:=[TRUE,[[0,0,200],[1,0,0,0]],[8,[0,0,100],[1,0,0,0],0,0,0]];\n  PROC main()\n";
@@ -145,13 +146,7 @@ proptest! {
     ) {
         let body: String = lines.iter().map(|line| format!("{line}{end}")).collect();
         let text = format!("{HEAD}{body}ENDPROC\nENDMODULE\n");
-        let mut chunks = match Chunks::new("x.mod", text.as_bytes(), &[]) {
-            Ok(Some(chunks)) => chunks,
-            _ => return Ok(()),
-        };
-        while let Ok(Next::Chunk(chunk)) = chunks.take() {
-            reads_like_the_full_reader(chunk);
-        }
+        same(|context| Chunks::new("x.mod", text.as_bytes(), context).ok().flatten());
     }
 }
 
@@ -162,21 +157,45 @@ proptest! {
     }
 }
 
-/// The line-by-line reader leaves the text to the full reader, or gives the same result.
-fn reads_like_the_full_reader(chunk: Chunk) {
-    let fast = super::read(&chunk).map(|read| read.into_program(chunk.dialect(), chunk.source.clone()));
-    let plain = chunk.read_plain();
-    if let Some(fast) = fast {
-        assert_eq!(plain.map(|plain| format!("{:?}", plain.program)), Some(format!("{fast:?}")));
+/// The context of a program that is read by kinds of lines, and that of a program whose chunks the full reader reads.
+fn contexts() -> [Vec<Source>; 2] {
+    [Vec::new(), vec![Source::new("c.sys", "MODULE C\nENDMODULE\n")]]
+}
+
+/// The next chunk; `None` after the last. The inner one is `None` if it proves not streamable.
+fn next(chunks: &mut impl ChunkReader) -> Option<Option<StreamableChunk>> {
+    match chunks.take() {
+        Ok(Next::Chunk(chunk)) => Some(chunk.read()),
+        _ => None,
+    }
+}
+
+/// Both readers give the same for each chunk, except for the context among its sources.
+fn same<C: ChunkReader>(chunks: impl Fn(&[Source]) -> Option<C>) {
+    let (mut by_kind, mut full) = match contexts().map(|context| chunks(&context)) {
+        [Some(by_kind), Some(full)] => (by_kind, full),
+        [None, None] => return,
+        _ => panic!("only one of the two readers has chunks"),
+    };
+    let comparable = |chunk: Option<StreamableChunk>| {
+        chunk.map(|mut chunk| {
+            let own = chunk.program.sources[0].clone();
+            chunk.program.sources = [own].into();
+            format!("{chunk:?}")
+        })
+    };
+    loop {
+        let [one, other] = [next(&mut by_kind), next(&mut full)];
+        if one.is_none() && other.is_none() {
+            return;
+        }
+        assert_eq!(one.map(comparable), other.map(comparable));
     }
 }
 
 fn reads_like_its_statements(text: &str) {
     let file = || Cursor::new(text.as_bytes());
-    let Ok(Some(mut chunks)) = Declared::sized("x.mod", file(), file(), &[], 1000) else { return };
-    while let Ok(Next::Chunk(chunk)) = chunks.take() {
-        reads_like_the_full_reader(chunk);
-    }
+    same(|context| Declared::sized("x.mod", file(), file(), context, 1000).ok().flatten());
 }
 
 #[test]
@@ -195,27 +214,32 @@ fn program_with(names: &[String]) -> String {
     HEAD.replace("  PROC", &format!("{data}  PROC")) + &lines + "ENDPROC\nENDMODULE\n"
 }
 
-/// How many targets of these chunks their kinds of lines tell.
-fn targets_told(mut take: impl FnMut() -> std::io::Result<Next<Chunk>>) -> usize {
-    let mut count = 0;
-    while let Ok(Next::Chunk(chunk)) = take() {
-        count += super::read(&chunk).unwrap().targets.len();
+/// The number of targets, and whether all chunks have the tool of the same line: only the first of a kind is read in full.
+fn targets_and_sharing(mut chunks: impl ChunkReader) -> (usize, bool) {
+    let (mut count, mut tools) = (0, Vec::new());
+    while let Some(chunk) = next(&mut chunks) {
+        let program = chunk.unwrap().program;
+        count += program.targets.len();
+        tools.push(Arc::clone(&program.tools[0].name));
     }
-    count
+    assert!(tools.len() > 1);
+    (count, tools.iter().all(|name| Arc::ptr_eq(name, &tools[0])))
 }
 
 #[test]
 fn a_usual_program_with_declared_targets_is_read_by_its_kinds_of_lines() {
     let text = program_with(&(0..2000).map(|i| format!("p{i}")).collect::<Vec<_>>());
     let file = || Cursor::new(text.as_bytes());
-    let mut chunks = Declared::new("x.mod", file(), file(), &[]).unwrap().unwrap();
-    assert_eq!(targets_told(|| chunks.take()), 2000);
+    let read =
+        |context: Vec<Source>| targets_and_sharing(Declared::new("x.mod", file(), file(), &context).unwrap().unwrap());
+    assert_eq!(contexts().map(read), [(2000, true), (2000, false)]);
 }
 
 #[test]
 fn a_usual_program_is_read_by_its_kinds_of_lines() {
     let line = "    MoveL [[1.5,2,3],[0,1,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v50,z1,tA;\n";
     let text = format!("{HEAD}  ConfL\\Off;\n  ! deflex cut\n{}ENDPROC\nENDMODULE\n", line.repeat(2000));
-    let mut chunks = Chunks::new("x.mod", text.as_bytes(), &[]).unwrap().unwrap();
-    assert_eq!(targets_told(|| chunks.take()), 2000);
+    let read =
+        |context: Vec<Source>| targets_and_sharing(Chunks::new("x.mod", text.as_bytes(), &context).unwrap().unwrap());
+    assert_eq!(contexts().map(read), [(2000, true), (2000, false)]);
 }

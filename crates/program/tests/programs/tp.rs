@@ -1,7 +1,5 @@
 //! Reads small TP programs and checks which positions are edited, in which cells.
 
-#![allow(clippy::unwrap_used)] // in helpers too, a failure is a failed test
-
 use deflex_program::tp::read;
 use deflex_program::{Change, Goal, Program, Reason, RewriteOptions};
 use deflex_text::{Source, applied};
