@@ -21,6 +21,14 @@ use deflex_robot::Joints;
 /// they explain.
 const ANGLES: [f64; 4] = [0.0, 3e-4, 1e-3, 3e-3];
 
+/// Presliding angles with the drift of the noise under which they have most evidence, nats.
+#[derive(Clone, Copy)]
+struct Choice {
+    presliding: Presliding,
+    drift: noise::Shape,
+    evidence: f64,
+}
+
 impl Problem {
     /// Sets the presliding angles, on which the direction of travel at every row depends.
     pub(super) fn set_presliding(&mut self, presliding: Presliding) {
@@ -58,8 +66,9 @@ impl Engine {
     }
 
     /// Sets the presliding angles of most evidence, computed with every effect at a common share of its typical size:
-    /// first one angle for all joints, then, unless friction is sharp, one for each joint in turn. If the cell declares
-    /// effects that depend on the direction of travel, their angles are kept.
+    /// first one angle for all joints, then, unless friction is sharp, one for each joint in turn, with the drift of the
+    /// noise that is best for the common angle. If the cell declares effects that depend on the direction of travel,
+    /// their angles are kept.
     pub(super) fn choose_presliding(&mut self) {
         let has_friction = |candidate: &Candidate| match &candidate.home {
             Home::New(Shape(effect)) => effect.presliding().is_some(),
@@ -73,47 +82,59 @@ impl Engine {
         let linear = self.linearise(&every, &shapes);
         let search = Search::new(&self.candidates, &linear.moments, &linear.always);
         let members = self.members_of_whole_arm(&search, &self.chosen);
-        let mut best = (f64::NEG_INFINITY, Presliding::default());
-        best = self.best_presliding(&members, ANGLES.map(Presliding::alike), best);
+        let mut best = Choice { presliding: Presliding::default(), drift: self.shape, evidence: f64::NEG_INFINITY };
+        best = self.best_presliding(&members, ANGLES.map(Presliding::alike), &noise::few(), best);
         for joint in 0..6 {
-            if best.1.is_sharp() {
+            if best.presliding.is_sharp() {
                 break;
             }
-            let others = ANGLES.into_iter().filter(|angle| *angle > 0.0).map(|angle| best.1.with(joint, angle));
-            best = self.best_presliding(&members, others.filter(|other| *other != best.1), best);
+            let with = |angle| best.presliding.with(joint, angle);
+            let others = ANGLES.into_iter().filter(|angle| *angle > 0.0).map(with);
+            let others = others.filter(|other| *other != best.presliding);
+            best = self.best_presliding(&members, others, &[best.drift], best);
         }
-        self.set_presliding(best.1);
+        self.set_presliding(best.presliding);
     }
 
-    /// The presliding angles of most evidence among those that are tried and the best so far, with their evidence, nats.
+    /// The choice of most evidence among the presliding angles that are tried, each with the best of these drifts, and the best choice so
+    /// far.
     fn best_presliding(
         &mut self,
         members: &Members,
         tried: impl IntoIterator<Item = Presliding>,
-        mut best: (f64, Presliding),
-    ) -> (f64, Presliding) {
+        drifts: &[noise::Shape],
+        mut best: Choice,
+    ) -> Choice {
         for presliding in tried {
-            self.set_presliding(presliding);
-            let evidence = self.evidence_of_all(members);
-            if evidence > best.0 {
-                best = (evidence, presliding);
+            let choice = self.weighed(presliding, members, drifts);
+            if choice.evidence > best.evidence {
+                best = choice;
             }
         }
         best
     }
 
-    /// Log evidence of all members, less their price, with the best common share of their typical sizes and the best of
-    /// a few drifts, nats.
-    fn evidence_of_all(&mut self, members: &Members) -> f64 {
+    /// Sets presliding angles, and finds the evidence of all members, less their price, with the best common share of their typical sizes
+    /// and the best of these drifts.
+    fn weighed(&mut self, presliding: Presliding, members: &Members, drifts: &[noise::Shape]) -> Choice {
+        self.set_presliding(presliding);
         let linear = self.linearise(&members.all(), &[]);
         let stacked = stacked(linear.design.kept(), &linear.data);
         let series = self.problem.series(|row| !row.held_out);
         let declared = self.problem.declared_sigma_mm;
-        let of = |shape| Moments { declared, ..Moments::of(&stacked, &series, shape) };
-        let moments: Vec<Moments> = noise::few().into_iter().map(of).collect();
-        let trials = Shares::common().map(|shares| self.trial(members, shares, &linear.always));
-        trials
-            .map(|trial| score(&moments, &trial.columns, None).evidence - trial.price)
-            .fold(f64::NEG_INFINITY, f64::max)
+        let of = |shape: &noise::Shape| Moments { declared, ..Moments::of(&stacked, &series, *shape) };
+        let moments: Vec<Moments> = drifts.iter().map(of).collect();
+        let mut best = Choice { presliding, drift: self.shape, evidence: f64::NEG_INFINITY };
+        let mut sigma = self.sigma;
+        for shares in Shares::common() {
+            let trial = self.trial(members, shares, &linear.always);
+            let score = score(&moments, &trial.columns, Some(sigma));
+            sigma = score.sigma;
+            let evidence = score.evidence - trial.price;
+            if evidence > best.evidence {
+                best = Choice { drift: drifts[score.shape], evidence, ..best };
+            }
+        }
+        best
     }
 }

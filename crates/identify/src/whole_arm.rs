@@ -162,7 +162,7 @@ impl Engine {
         let value = search.objective(set);
         Shares::all().any(|shares| {
             let trial = self.trial(members, shares, search.always);
-            score(search.moments, &trial.columns, None).evidence - trial.price > value
+            score(search.moments, &trial.columns, Some(self.sigma)).evidence - trial.price > value
         })
     }
 
