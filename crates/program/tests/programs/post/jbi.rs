@@ -7,7 +7,7 @@ use deflex_text::Source;
 
 fn post(max_points: Option<usize>) -> Vec<(String, Vec<u8>)> {
     let tool = ToolData { mass_kg: 2.0, ..FLANGE };
-    let plan = plan(("TOOL 2", tool), ("USER 3", WORLD), 4);
+    let plan = plan("TOOL 2", tool, "USER 3", WORLD, 4);
     let plan = PostPlan { max_points, ..plan };
     let at = |i: u32| {
         let mut point = point([10.0 * f64::from(i), 1.0, -2.0], [0.0, 0.6, 0.8, 0.0]);

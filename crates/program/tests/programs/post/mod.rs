@@ -24,12 +24,12 @@ const WORLD: WobjData = WobjData {
 };
 
 /// A plan with one tool and one work object.
-fn plan((tool, data): (&str, ToolData), (wobj, object): (&str, WobjData), points: usize) -> PostPlan {
+fn plan(tool: &str, tool_data: ToolData, wobj: &str, wobj_data: WobjData, points: usize) -> PostPlan {
     PostPlan {
         name: "part".to_owned(),
         title: vec!["from a test".to_owned()],
-        tools: vec![(tool.to_owned(), data)],
-        wobjs: vec![(wobj.to_owned(), object)],
+        tools: vec![(tool.to_owned(), tool_data)],
+        wobjs: vec![(wobj.to_owned(), wobj_data)],
         units: Vec::new(),
         external: [None; EXTERNAL_AXES],
         speeds: Vec::new(),

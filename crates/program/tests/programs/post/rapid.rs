@@ -26,7 +26,7 @@ fn plan_and_points(max_points: Option<usize>) -> (PostPlan, [PostedPoint; 5]) {
         speeds: vec![27.432, 50.0],
         max_points,
         rapid_mm_s: 500.0,
-        ..plan(("tMill", tool), ("wPart", wobj), points.len())
+        ..plan("tMill", tool, "wPart", wobj, points.len())
     };
     (plan, points)
 }

@@ -11,7 +11,7 @@ fn what_is_written_is_read_back() {
     let tool = ToolData { tcp_mm, tcp_quat, cog_mm, mass_kg: 2.0, ..FLANGE };
     let (uframe_mm, uframe_quat) = ([400.0, 0.0, 100.0], [0.0, 0.0, 0.0, 1.0]);
     let wobj = WobjData { uframe_mm, uframe_quat, ..WORLD };
-    let plan = plan(("TCP", tool), ("wPart", wobj), 4);
+    let plan = plan("TCP", tool, "wPart", wobj, 4);
     let at = |i: u32| {
         let mut point = point([10.0 * f64::from(i), 1.0, -2.0], [0.0, 0.6, 0.8, 0.0]);
         (point.rapid, point.mark) = (i == 0, Some(if i == 0 { Mark::Air } else { Mark::Cut }));
