@@ -191,7 +191,8 @@ pub(crate) const NO_TURN: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 
 impl ToolData {
     /// The flange of the robot.
-    pub(crate) const FLANGE: Self =
+    #[doc(hidden)]
+    pub const FLANGE: Self =
         Self { robhold: true, tcp_mm: [0.0; 3], tcp_quat: NO_TURN, mass_kg: 0.0, cog_mm: [0.0; 3] };
 }
 
@@ -271,7 +272,8 @@ pub struct WobjData {
 
 impl WobjData {
     /// The world.
-    pub(crate) const WORLD: Self = Self {
+    #[doc(hidden)]
+    pub const WORLD: Self = Self {
         robhold: false,
         fixed: true,
         uframe_mm: [0.0; 3],

@@ -1,13 +1,13 @@
 //! Points written as INFORM, and read back.
 
-use super::{FLANGE, WORLD, plan, point, written};
+use super::{plan, point, written};
 use deflex_program::post::{PostPlan, PostedPoint};
-use deflex_program::{Editable, Goal, Language, Mark, ToolData, jbi};
+use deflex_program::{Editable, Goal, Language, Mark, ToolData, WobjData, jbi};
 use deflex_text::Source;
 
 fn post(max_points: Option<usize>) -> Vec<(String, Vec<u8>)> {
-    let tool = ToolData { mass_kg: 2.0, ..FLANGE };
-    let plan = plan("TOOL 2", tool, "USER 3", WORLD, 4);
+    let tool = ToolData { mass_kg: 2.0, ..ToolData::FLANGE };
+    let plan = plan("TOOL 2", tool, "USER 3", WobjData::WORLD, 4);
     let plan = PostPlan { max_points, ..plan };
     let at = |i: u32| {
         let mut point = point([10.0 * f64::from(i), 1.0, -2.0], [0.0, 0.6, 0.8, 0.0]);

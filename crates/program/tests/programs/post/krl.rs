@@ -1,14 +1,14 @@
 //! Points written as KRL, and read back.
 
-use super::{FLANGE, WORLD, plan, point, written};
+use super::{plan, point, written};
 use deflex_program::post::{PostPlan, PostedPoint};
 use deflex_program::{Goal, Language, Mark, ToolData, WobjData, krl};
 use deflex_text::Source;
 
 fn milling(max_points: Option<usize>) -> PostPlan {
     let (tcp_mm, tcp_quat, cog_mm) = ([1.0, 2.0, 310.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 80.0]);
-    let tool = ToolData { tcp_mm, tcp_quat, cog_mm, mass_kg: 12.0, ..FLANGE };
-    let wobj = WobjData { uframe_mm: [1000.0, 0.0, 500.0], ..WORLD };
+    let tool = ToolData { tcp_mm, tcp_quat, cog_mm, mass_kg: 12.0, ..ToolData::FLANGE };
+    let wobj = WobjData { uframe_mm: [1000.0, 0.0, 500.0], ..WobjData::WORLD };
     PostPlan { max_points, ..plan("tMill", tool, "BASE_DATA[4]", wobj, 5) }
 }
 

@@ -9,20 +9,6 @@ use deflex_program::jbi::SpeedUnit;
 use deflex_program::post::{PostPlan, PostWriter, PostedPoint};
 use deflex_program::{Confdata, EXTERNAL_AXES, Language, ToolData, WobjData};
 
-const NO_TURN: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
-
-const FLANGE: ToolData =
-    ToolData { robhold: true, tcp_mm: [0.0; 3], tcp_quat: NO_TURN, mass_kg: 0.0, cog_mm: [0.0; 3] };
-
-const WORLD: WobjData = WobjData {
-    robhold: false,
-    fixed: true,
-    uframe_mm: [0.0; 3],
-    uframe_quat: NO_TURN,
-    oframe_mm: [0.0; 3],
-    oframe_quat: NO_TURN,
-};
-
 /// A plan with one tool and one work object.
 fn plan(tool: &str, tool_data: ToolData, wobj: &str, wobj_data: WobjData, points: usize) -> PostPlan {
     PostPlan {

@@ -1,6 +1,6 @@
 //! Points written as RAPID, in chunks and in several modules.
 
-use super::{FLANGE, WORLD, plan, point};
+use super::{plan, point};
 use deflex_program::post::{PostPlan, PostWriter, PostedPoint, WriterPosition};
 use deflex_program::{Mark, ToolData, WobjData};
 use proptest::prelude::*;
@@ -18,8 +18,8 @@ fn plan_and_points(max_points: Option<usize>) -> (PostPlan, [PostedPoint; 5]) {
         at(17.0, 33.0, false, Some(Mark::Cut)),
     ];
     let (tcp_mm, cog_mm) = ([0.0, 0.0, 310.0], [0.0, 0.0, 120.0]);
-    let tool = ToolData { tcp_mm, cog_mm, mass_kg: 18.0, ..FLANGE };
-    let wobj = WobjData { uframe_mm: [1000.0, -400.0, 700.0], ..WORLD };
+    let tool = ToolData { tcp_mm, cog_mm, mass_kg: 18.0, ..ToolData::FLANGE };
+    let wobj = WobjData { uframe_mm: [1000.0, -400.0, 700.0], ..WobjData::WORLD };
     let plan = PostPlan {
         name: "2 blade".into(),
         title: vec!["from 2 blade.apt".into()],

@@ -1,6 +1,6 @@
 //! Points written as URScript, and read back.
 
-use super::{FLANGE, WORLD, plan, point, written};
+use super::{plan, point, written};
 use deflex_program::post::PostedPoint;
 use deflex_program::{Editable, Goal, Language, Mark, ToolData, WobjData, ur};
 use deflex_text::Source;
@@ -8,9 +8,9 @@ use deflex_text::Source;
 #[test]
 fn what_is_written_is_read_back() {
     let (tcp_mm, tcp_quat, cog_mm) = ([1.0, 2.0, 310.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 80.0]);
-    let tool = ToolData { tcp_mm, tcp_quat, cog_mm, mass_kg: 2.0, ..FLANGE };
+    let tool = ToolData { tcp_mm, tcp_quat, cog_mm, mass_kg: 2.0, ..ToolData::FLANGE };
     let (uframe_mm, uframe_quat) = ([400.0, 0.0, 100.0], [0.0, 0.0, 0.0, 1.0]);
-    let wobj = WobjData { uframe_mm, uframe_quat, ..WORLD };
+    let wobj = WobjData { uframe_mm, uframe_quat, ..WobjData::WORLD };
     let plan = plan("TCP", tool, "wPart", wobj, 4);
     let at = |i: u32| {
         let mut point = point([10.0 * f64::from(i), 1.0, -2.0], [0.0, 0.6, 0.8, 0.0]);
