@@ -12,6 +12,8 @@
 //! distance of the two bounds, both in units of 1/√Q_ii, and m and s² are mean and variance of a free number given
 //! those that are held. One number is exact.
 
+use super::factor::substitute;
+use deflex_lanes::widest;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::function::erf::erfc;
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
@@ -90,15 +92,20 @@ impl Normals<'_> {
             sum += 0.5 * slope * slope + fall - root.ln() - 0.5 * (bound - self.means[*number]) * side * push;
         }
         let mode = self.mode(&held);
-        let free = (0..mode.len()).filter(|i| held.iter().all(|held| held.number != *i));
-        sum + free
-            .map(|i| {
-                let mut known = DVector::from_iterator(held.len(), held.iter().map(|held| held.covariances[i]));
-                factor.l_dirty().solve_lower_triangular_mut(&mut known);
-                let variance = (variances[i] - known.norm_squared()).max(f64::MIN_POSITIVE);
-                self.ranges[i].about(mode[i], variance.sqrt()).log_probability()
-            })
-            .sum::<f64>()
+        let free: Vec<usize> = (0..mode.len()).filter(|i| held.iter().all(|held| held.number != *i)).collect();
+        let mut known: Vec<f64> = free.iter().flat_map(|&i| held.iter().map(move |held| held.covariances[i])).collect();
+        let triangle = factor.l_dirty().as_slice();
+        widest!(<'a> (size: usize = held.len(), triangle: &'a [f64] = triangle, known: &'a mut [f64] = &mut known) {
+            for n in 0..known.len() / size.max(1) {
+                substitute(triangle, &mut known[n * size..(n + 1) * size]);
+            }
+        });
+        let given = |(n, &i): (usize, &usize)| {
+            let known = &known[n * held.len()..(n + 1) * held.len()];
+            let variance = (variances[i] - known.iter().map(|k| k * k).sum::<f64>()).max(f64::MIN_POSITIVE);
+            self.ranges[i].about(mode[i], variance.sqrt()).log_probability()
+        };
+        sum + free.iter().enumerate().map(given).sum::<f64>()
     }
 
     /// The most probable numbers if these are held.

@@ -164,7 +164,7 @@ fn factorize(matrix: &mut [f64], size: usize) -> bool {
 
 /// Replaces a vector by the inverse of a lower triangle, column by column, times the vector.
 #[inline(always)]
-fn substitute(triangle: &[f64], right: &mut [f64]) {
+pub(super) fn substitute(triangle: &[f64], right: &mut [f64]) {
     let size = right.len();
     for k in 0..size {
         let column = &triangle[k * size + k..(k + 1) * size];
@@ -206,10 +206,19 @@ pub(super) fn evidence_of_bounds(factor: &Factor, columns: &Columns, further: &F
     let product = |unit: &Unit, shared: &[f64], own: &[f64]| dot(unit.shared, shared) + dot(&unit.own, own);
     let covariance = |i: usize, j: usize| product(&units[i], units[j].shared, &units[j].own);
     let means = units.iter().map(|unit| product(unit, &factor.whitened, &further.whitened)).collect();
-    let limits = columns.limits.iter().chain(&more.limits);
-    let ranges: Vec<Range> = limits.map(|&(_, low, high)| Range { low, high }).collect();
-    let prior: f64 = ranges.iter().map(|range| range.log_probability()).sum();
-    Normals { ranges, means, covariance: &covariance }.log_probability() - prior
+    let within = Normals { ranges: ranges(columns, more).collect(), means, covariance: &covariance };
+    within.log_probability() + most_of_bounds(columns, more)
+}
+
+/// The most that the bounds of the numbers can add to the log evidence, nats: their log probability under the prior, with
+/// the other sign.
+pub(super) fn most_of_bounds(columns: &Columns, more: &Columns) -> f64 {
+    -ranges(columns, more).map(Range::log_probability).sum::<f64>()
+}
+
+/// The ranges of the bounded numbers of some columns and of further ones, in prior sizes.
+fn ranges<'a>(columns: &'a Columns, more: &'a Columns) -> impl Iterator<Item = Range> + 'a {
+    columns.limits.iter().chain(&more.limits).map(|&(_, low, high)| Range { low, high })
 }
 
 /// Scalar product of two vectors. It adds in the same order on every processor. Its loops use indices, because

@@ -8,7 +8,7 @@
 //! mm², and the log determinant.
 
 use super::columns::Columns;
-use super::factor::{ColumnBlock, Factor, evidence_of_bounds};
+use super::factor::{ColumnBlock, Factor, evidence_of_bounds, most_of_bounds};
 use super::moments::Moments;
 use std::collections::BTreeMap;
 
@@ -74,15 +74,26 @@ impl Profile {
         nodes.get(&node).and_then(Option::as_ref).map_or(f64::NEG_INFINITY, of)
     }
 
-    /// Log evidence of the shared columns together with `more`, nats, and the σ that maximises it, mm. Every call must
-    /// have the same moments, because the factors of the shared columns are kept.
-    pub(super) fn evidence_with(&mut self, moments: &Moments, more: &Columns, guess: Option<f64>) -> (f64, f64) {
+    /// Log evidence of the shared columns together with `more`, nats, and the σ that maximises it without the bounds of
+    /// the numbers, mm. The evidence is `None` if it is at most `least`. Every call must have the same moments, because
+    /// the factors of the shared columns are kept.
+    pub(super) fn evidence_above(
+        &mut self,
+        moments: &Moments,
+        more: &Columns,
+        guess: Option<f64>,
+        least: f64,
+    ) -> (Option<f64>, f64) {
         let Self { columns, factors } = self;
         let (evidence, block) = (LogEvidence::new(moments, columns, more), ColumnBlock::new(moments, columns, more));
         let maximum = match Maximum::of(factors, &evidence, &block, guess) {
             Ok(maximum) => maximum,
-            Err(sigma) => return (f64::NEG_INFINITY, sigma),
+            Err(sigma) => return (None, sigma),
         };
+        let sigma = maximum.sigma();
+        if maximum.evidence + most_of_bounds(columns, more) <= least {
+            return (None, sigma);
+        }
         let bounds = |node: &i32, terms: &NodeTerms| {
             let factor = factors.get(node).and_then(Option::as_ref);
             factor.map_or(0.0, |factor| evidence_of_bounds(factor, columns, &terms.factor, more))
@@ -91,7 +102,7 @@ impl Profile {
             let (below, above) = (bounds(low, below), bounds(high, above));
             below + (maximum.at - f64::from(*low)) * (above - below)
         });
-        (maximum.evidence + of_bounds, maximum.sigma())
+        (Some(maximum.evidence + of_bounds).filter(|evidence| *evidence > least), sigma)
     }
 }
 
@@ -351,7 +362,12 @@ mod tests {
             let bounds: Vec<_> = more.iter().enumerate().map(|(k, _)| (k, -0.2, 0.1)).collect();
             // A guess that is far off leads to the same maximum.
             for guess in [None, Some(1e-3), Some(3.0)] {
-                let (evidence, sigma) = profile.evidence_with(&moments, &list(&more, bounds.clone()), guess);
+                let more_columns = list(&more, bounds.clone());
+                let (evidence, sigma) = profile.evidence_above(&moments, &more_columns, guess, f64::NEG_INFINITY);
+                let evidence = evidence.unwrap();
+                for (least, above) in [(evidence - 1e-6, Some(evidence)), (evidence, None)] {
+                    assert_eq!(profile.evidence_above(&moments, &more_columns, guess, least), (above, sigma));
+                }
                 let all = [&[0, 1, 2][..], &more].concat();
                 let shifted = bounds.iter().map(|&(k, low, high)| (k + 3, low, high));
                 let all = list(&all, profile.columns.limits.iter().copied().chain(shifted).collect());

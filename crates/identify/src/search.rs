@@ -19,6 +19,9 @@ use std::sync::Arc;
 /// Largest number of members of a set, where each joint's curve is a member: one table does not show more.
 pub(super) const MOST_MEMBERS: usize = 12;
 
+/// Margin for what the approximation of an objective leaves out, nats: the other shapes, the bounds, and the best σ.
+const FAR: f64 = 30.0;
+
 /// Searches over sets of candidates.
 pub(super) struct Search<'a> {
     pub(super) candidates: &'a [Candidate],
@@ -90,35 +93,70 @@ impl<'a> Search<'a> {
 
     /// The objective, and the index of the best shape.
     fn objective_and_shape(&self, set: &[usize]) -> (f64, usize) {
+        self.objective_above(set, f64::NEG_INFINITY).unwrap_or((f64::NEG_INFINITY, 0))
+    }
+
+    /// The objective, and the index of the best shape; `None` if the objective is at most `least`, nats.
+    fn objective_above(&self, set: &[usize], least: f64) -> Option<(f64, usize)> {
         let key = sorted(set);
         if let Some(known) = self.known.borrow().get(&key) {
+            return Some(*known).filter(|known| known.0 > least);
+        }
+        let (more, price) = (self.columns_after_shared(set), self.prices(&key));
+        let (evidence, shape) = self.best_shape(&self.active.borrow(), &more, least + price)?;
+        let own = (evidence - price, shape);
+        self.known.borrow_mut().insert(key, own);
+        Some(own)
+    }
+
+    /// The largest evidence of the shared columns together with `more` under one of these shapes, nats, and its shape;
+    /// `None` if no evidence is above `least`.
+    fn best_shape(&self, shapes: &[usize], more: &Columns, least: f64) -> Option<(f64, usize)> {
+        let mut best = None;
+        for &shape in shapes {
+            let (least, guess) = (best.map_or(least, |(evidence, _)| evidence), self.sigmas.borrow()[shape]);
+            let mut shared = self.shared.borrow_mut();
+            let (evidence, sigma) = shared.1[shape].evidence_above(&self.moments[shape], more, guess, least);
+            self.sigmas.borrow_mut()[shape] = Some(sigma);
+            best = evidence.map(|evidence| (evidence, shape)).or(best);
+        }
+        best
+    }
+
+    /// The objective of a set, nats: an approximation under one shape, unless the objective itself is known.
+    fn approximate_objective(&self, set: &[usize], shape: usize) -> f64 {
+        if let Some((known, _)) = self.known.borrow().get(&sorted(set)) {
             return *known;
         }
         let more = self.columns_after_shared(set);
-        let mut best = (f64::NEG_INFINITY, 0);
-        for &shape in self.active.borrow().iter() {
-            let evidence = self.evidence_with(shape, &more);
-            if evidence > best.0 {
-                best = (evidence, shape);
-            }
-        }
-        best.0 -= self.prices(&key);
-        self.known.borrow_mut().insert(key, best);
-        best
+        let guess = self.sigmas.borrow()[shape];
+        let evidence = self.shared.borrow_mut().1[shape].approximate_evidence_with(&self.moments[shape], &more, guess);
+        evidence - self.prices(set)
     }
 
     /// Whether the objective of a set is so far below `value`, nats, that it need not be computed: an approximation
     /// under one shape decides.
     fn is_far_below(&self, (value, shape): (f64, usize), set: &[usize]) -> bool {
-        /// Margin for what the approximation leaves out, nats: the other shapes, the bounds, and the best σ.
-        const FAR: f64 = 30.0;
-        if self.known.borrow().contains_key(&sorted(set)) {
-            return false;
+        self.approximate_objective(set, shape) < value - FAR
+    }
+
+    /// The set with the largest objective, nats, with the objective and its shape; `None` if no objective is above
+    /// `known`, which is the objective of another set with its shape. Sets whose approximation under that shape is far
+    /// below the best objective so far are left out. The set with the best approximation is computed first, and then
+    /// the others in their order, because neighbouring sets share their first members.
+    fn best_above(&self, known: (f64, usize), sets: &[Vec<usize>]) -> Option<((f64, usize), Vec<usize>)> {
+        let approximate: Vec<f64> = sets.iter().map(|set| self.approximate_objective(set, known.1)).collect();
+        let first = (0..sets.len()).max_by(|&a, &b| approximate[a].total_cmp(&approximate[b]));
+        let mut best = (known, None);
+        for n in first.into_iter().chain(0..sets.len()) {
+            if approximate[n] >= best.0.0 - FAR
+                && let Some(own) = self.objective_above(&sets[n], best.0.0)
+            {
+                best = (own, Some(n));
+            }
         }
-        let more = self.columns_after_shared(set);
-        let guess = self.sigmas.borrow()[shape];
-        let evidence = self.shared.borrow_mut().1[shape].approximate_evidence_with(&self.moments[shape], &more, guess);
-        evidence - self.prices(set) < value - FAR
+        let (own, chosen) = best;
+        chosen.map(|n| (own, sets[n].clone()))
     }
 
     /// The columns of a set that follow the shared ones. If the set does not begin with the shared members, all its
@@ -138,14 +176,6 @@ impl<'a> Search<'a> {
         let columns = self.columns(set);
         *self.shared.borrow_mut() =
             (set.to_vec(), self.moments.iter().map(|_| Profile::new(columns.clone())).collect());
-    }
-
-    /// Evidence of the shared columns together with `more` under one shape, nats.
-    fn evidence_with(&self, shape: usize, more: &Columns) -> f64 {
-        let guess = self.sigmas.borrow()[shape];
-        let (evidence, sigma) = self.shared.borrow_mut().1[shape].evidence_with(&self.moments[shape], more, guess);
-        self.sigmas.borrow_mut()[shape] = Some(sigma);
-        evidence
     }
 
     /// The price of a set: the gain over the empty set that its members require, nats.
@@ -192,7 +222,8 @@ impl<'a> Search<'a> {
 
     /// The best set of the candidates of `pool` under the active shapes. The search begins at `start`.
     pub(super) fn best_of(&self, start: &[usize], pool: &[usize]) -> Vec<usize> {
-        let mut best = self.climb(start.to_vec(), pool);
+        let mut visited = BTreeSet::new();
+        let mut best = self.climb(start.to_vec(), pool, &mut visited);
         // Single steps can miss the best pair if a third effect imitates the sum of its two effects.
         let mut singles: Vec<(f64, usize)> = pool.iter().map(|&c| (self.objective(&[c]), c)).collect();
         singles.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -212,7 +243,7 @@ impl<'a> Search<'a> {
         pairs.extend(with_faults.into_iter().map(|(_, pair)| (self.objective(&pair), pair)));
         pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
         for (_, pair) in pairs.into_iter().take(3) {
-            let climbed = self.climb(pair, pool);
+            let climbed = self.climb(pair, pool, &mut visited);
             if self.objective(&climbed) > self.objective(&best) {
                 best = climbed;
             }
@@ -223,13 +254,14 @@ impl<'a> Search<'a> {
     /// Makes active the shapes that are best for the empty set or for one candidate of `pool`: the two of them with the
     /// largest evidence, and white noise, which is shape 0.
     pub(super) fn narrow(&self, pool: &[usize]) {
+        let all: Vec<usize> = (0..self.moments.len()).collect();
         let mut votes = vec![f64::NEG_INFINITY; self.moments.len()];
         let mut wanted = Vec::new();
         for set in std::iter::once(vec![]).chain(pool.iter().map(|&c| vec![c])) {
             let more = self.columns_after_shared(&set);
-            let each: Vec<f64> = (0..self.moments.len()).map(|s| self.evidence_with(s, &more)).collect();
-            let best = (0..each.len()).max_by(|&a, &b| each[a].total_cmp(&each[b])).unwrap_or(0);
-            votes[best] = votes[best].max(each[best]);
+            if let Some((evidence, shape)) = self.best_shape(&all, &more, f64::NEG_INFINITY) {
+                votes[shape] = votes[shape].max(evidence);
+            }
         }
         let mut order: Vec<usize> = (0..votes.len()).filter(|&s| votes[s].is_finite()).collect();
         order.sort_by(|&a, &b| votes[b].total_cmp(&votes[a]));
@@ -248,11 +280,16 @@ impl<'a> Search<'a> {
         active
     }
 
-    /// Adds, swaps or removes one member of a set at a time, always with the largest gain, until no such step gains.
-    fn climb(&self, start: Vec<usize>, pool: &[usize]) -> Vec<usize> {
+    /// Adds, swaps or removes one member of a set at a time, always with the largest gain, until no such step gains, or
+    /// until it reaches a set of `visited`, from which an earlier climb has gone on. Adds the sets that it reaches to
+    /// `visited`.
+    fn climb(&self, start: Vec<usize>, pool: &[usize], visited: &mut BTreeSet<Vec<usize>>) -> Vec<usize> {
         let mut set = start;
         let mut own = self.objective_and_shape(&set);
         for _ in 0..3 * MOST_MEMBERS {
+            if !visited.insert(sorted(&set)) {
+                break;
+            }
             let mut moves: Vec<Vec<usize>> = Vec::new();
             if set.len() < MOST_MEMBERS {
                 moves.extend(pool.iter().filter(|&&c| self.joins(&set, c)).map(|&c| [&set[..], &[c]].concat()));
@@ -267,9 +304,7 @@ impl<'a> Search<'a> {
                 );
                 moves.push(without);
             }
-            let near = moves.into_iter().filter(|set| !self.is_far_below(own, set));
-            let best = near.map(|set| (self.objective_and_shape(&set), set)).max_by(|a, b| a.0.0.total_cmp(&b.0.0));
-            match best {
+            match self.best_above(own, &moves) {
                 Some((better, chosen)) if better.0 > own.0 + 1e-9 => (own, set) = (better, chosen),
                 _ => break,
             }
