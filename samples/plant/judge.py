@@ -1,8 +1,8 @@
 """Judges `deflex identify` on cells of the truer plant: `judge.py [-o FOLDER] [--seeds N] [--first N] [--kinds kitchen,most,…]`.
 
 Makes the cells (truer/cells.py), identifies each, and compares with where the plant takes the measured program and another one, without noise:
-the declared cell, the extended cell, a ridge regression over every effect's columns, a Gaussian process, and the plant's own laws on the first
-`--right-laws` cells of each kind. Prints Markdown and writes judge.json. `--again` takes the cells that are there; needs numpy, and deflex and the
+the declared cell, the extended cell, a ridge regression over every effect's columns, and a Gaussian process. On the first `--least` cells of each
+kind it computes the least error that a method can expect. Prints Markdown and writes judge.json. `--again` takes the cells that are there; needs numpy, and deflex and the
 example effect_columns built.
 """
 
@@ -29,7 +29,7 @@ import numpy as np
 import cells
 import rivals
 
-MODELS = {"declared": "declared cell", "deflex": "deflex", "ridge": "ridge", "process": "Gaussian process", "right": "right laws"}
+MODELS = {"declared": "declared cell", "deflex": "deflex", "ridge": "ridge", "process": "Gaussian process", "least": "least possible"}
 PLACES = {"part": "measured program", "transfer": "other program"}
 NAMED = 0.9
 # An error counts as larger than another from this on: what rounding and the last rows' noise do.
@@ -100,8 +100,8 @@ def judged(options, folder):
     off = measured - part["declared"]
     note("ridge", [d + p for d, p in zip(declared, rivals.ridge(part, other, off, force))])
     note("process", [d + p for d, p in zip(declared, rivals.process(part, other, off, forces))])
-    if int(folder.name) - options.first < options.right_laws:
-        note("right", rivals.right_laws(folder))
+    if int(folder.name) - options.first < options.least:
+        row["errors"]["least"] = dict(zip(PLACES, rivals.least_errors(folder)))
     if options.limit_s > 0:
         cell = scratch / "all.toml"
         found, seconds = identified(options.deflex, folder, folder / "measured.csv", cell, options.limit_s)
@@ -189,7 +189,7 @@ def main():
     parser.add_argument("--kinds", default="kitchen,most")
     parser.add_argument("--again", action="store_true", help="judge the cells that are there")
     parser.add_argument("--halves", action="store_true", help="identify from every second row too")
-    parser.add_argument("--right-laws", type=int, default=0, help="cells of each kind to which the plant's own laws are fitted, some minutes each")
+    parser.add_argument("--least", type=int, default=0, help="cells of each kind for which the least possible error is computed, half a minute each")
     parser.add_argument("--limit-s", type=float, default=120, help="after which an identification is given up; 0: the rivals alone")
     parser.add_argument("--deflex", type=pathlib.Path, default=ROOT / "target" / "release" / "deflex")
     parser.add_argument("--columns", type=pathlib.Path, default=ROOT / "target" / "release" / "examples" / "effect_columns")
