@@ -12,7 +12,7 @@
 //! distance of the two bounds, both in units of 1/√Q_ii, and m and s² are mean and variance of a free number given
 //! those that are held. One number is exact.
 
-use super::factor::substitute;
+use super::triangle::substitute;
 use deflex_lanes::widest;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::function::erf::erfc;

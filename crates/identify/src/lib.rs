@@ -59,6 +59,7 @@ mod springs;
 mod statistics;
 mod ties;
 mod transfer;
+mod triangle;
 mod unseen;
 mod whole;
 mod whole_arm;
