@@ -120,7 +120,8 @@ struct Declared {
 fn declaration(source: &Source, literal: Span) -> Option<(u32, u32, Declared)> {
     let bytes = &source.bytes;
     let semicolon = bytes[literal.end as usize..].iter().position(|b| *b == b';')?;
-    // Statements do not hold `;` but in texts and comments; those end the search early and say no.
+    // A statement has a `;` only at its end, except in strings and comments. There the search ends early, and the target
+    // is not cloned.
     let from = bytes[..literal.start as usize].iter().rposition(|b| *b == b';').map_or(0, |p| p + 1);
     let end = literal.end as usize + semicolon + 1;
     let mut cursor = Cursor::new(bytes, Span::new(from, end));
