@@ -2,8 +2,8 @@
 
 Makes the cells (truer/cells.py), identifies each, and compares with where the plant takes the measured program and another one, without noise:
 the declared cell, the extended cell, a ridge regression over every effect's columns, and a Gaussian process. On the first `--least` cells of each
-kind it computes the least error that a method can expect. Prints Markdown and writes judge.json. `--again` takes the cells that are there; needs numpy, and deflex and the
-example effect_columns built.
+kind it computes the least error that a method can expect. Prints Markdown and writes judge.json. `--again` takes the cells that are there. It needs
+numpy, and deflex and the example effect_columns built.
 """
 
 import argparse

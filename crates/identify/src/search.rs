@@ -148,7 +148,7 @@ impl<'a> Search<'a> {
         let approximate: Vec<f64> = sets.iter().map(|set| self.approximate_objective(set, known.1)).collect();
         let first = (0..sets.len()).max_by(|&a, &b| approximate[a].total_cmp(&approximate[b]));
         let mut best = (known, None);
-        for n in first.into_iter().chain(0..sets.len()) {
+        for n in first.into_iter().chain((0..sets.len()).filter(|&n| Some(n) != first)) {
             if approximate[n] >= best.0.0 - FAR
                 && let Some(own) = self.objective_above(&sets[n], best.0.0)
             {
