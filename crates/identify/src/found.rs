@@ -42,20 +42,6 @@ pub(super) struct Linearised {
     pub(super) data: DVector<f64>,
 }
 
-/// The members of the model of the whole arm.
-pub(super) struct Members {
-    /// Those that the search found.
-    pub(super) found: Vec<usize>,
-    /// One candidate of every other family of effects.
-    pub(super) others: Vec<usize>,
-}
-
-impl Members {
-    pub(super) fn all(&self) -> Vec<usize> {
-        [&self.found[..], &self.others].concat()
-    }
-}
-
 /// A chosen set, with σ, mm, and the index of the shape of the noise.
 pub(super) struct Choice {
     pub(super) set: Vec<usize>,

@@ -6,7 +6,7 @@
 
 use super::candidate::Candidate;
 use super::engine::{Engine, is_inflexible};
-use super::found::{Members, Model, Posterior, Ranking};
+use super::found::{Model, Posterior, Ranking};
 use super::input::Progress;
 use super::noise;
 use super::progress::{CHOSEN, SOLVED, SOUGHT, reached, within};
@@ -25,7 +25,7 @@ struct BestSet {
     posteriors: Vec<Posterior>,
     ranking: Ranking,
     /// The members of the model of the whole arm, if its evidence is larger than that of the set.
-    whole_arm: Option<Members>,
+    whole_arm: Option<Vec<usize>>,
 }
 
 impl Engine {
@@ -36,7 +36,7 @@ impl Engine {
         let BestSet { mut posteriors, ranking, whole_arm } = self.best_set(cell, progress)?;
         reached(progress, CHOSEN)?;
         if let Some(members) = whole_arm.or_else(|| self.whole_arm_for_unlisted()) {
-            posteriors = self.take_whole_arm(&members);
+            posteriors = self.take_whole_arm(members);
         } else {
             self.prune();
             posteriors.retain(|(c, _)| self.chosen.contains(c));
@@ -138,7 +138,7 @@ impl Engine {
     }
 
     /// The members of the model of the whole arm, if the set leaves an error that no effect explains.
-    fn whole_arm_for_unlisted(&mut self) -> Option<Members> {
+    fn whole_arm_for_unlisted(&mut self) -> Option<Vec<usize>> {
         if !self.is_unlisted() {
             return None;
         }

@@ -4,13 +4,12 @@
 use super::candidate::{Candidate, Home, Shape};
 use super::data::Problem;
 use super::engine::{Engine, stacked};
-use super::found::Members;
 use super::moments::Moments;
 use super::noise;
 use super::pattern::Pattern;
 use super::score::score;
 use super::search::Search;
-use super::whole_arm::Shares;
+use super::whole_arm::SHARES;
 use deflex_effects::Presliding;
 use deflex_equilibrium::Dragged;
 use deflex_robot::Joints;
@@ -100,7 +99,7 @@ impl Engine {
     /// far.
     fn best_presliding(
         &mut self,
-        members: &Members,
+        members: &[usize],
         tried: impl IntoIterator<Item = Presliding>,
         drifts: &[noise::Shape],
         mut best: Choice,
@@ -116,9 +115,9 @@ impl Engine {
 
     /// Sets presliding angles, and finds the evidence of all members, less their price, with the best common share of their typical sizes
     /// and the best of these drifts.
-    fn weighed(&mut self, presliding: Presliding, members: &Members, drifts: &[noise::Shape]) -> Choice {
+    fn weighed(&mut self, presliding: Presliding, members: &[usize], drifts: &[noise::Shape]) -> Choice {
         self.set_presliding(presliding);
-        let linear = self.linearise(&members.all(), &[]);
+        let linear = self.linearise(members, &[]);
         let stacked = stacked(linear.design.kept(), &linear.data);
         let series = self.problem.series(|row| !row.held_out);
         let declared = self.problem.declared_sigma_mm;
@@ -126,8 +125,8 @@ impl Engine {
         let moments: Vec<Moments> = drifts.iter().map(of).collect();
         let mut best = Choice { presliding, drift: self.shape, evidence: f64::NEG_INFINITY };
         let mut sigma = self.sigma;
-        for shares in Shares::common() {
-            let trial = self.trial(members, shares, &linear.always);
+        for share in SHARES {
+            let trial = self.trial(members, share, &linear.always);
             let score = score(&moments, &trial.columns, Some(sigma));
             sigma = score.sigma;
             let evidence = score.evidence - trial.price;

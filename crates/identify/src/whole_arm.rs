@@ -7,17 +7,15 @@
 //!
 //! with the columns X of every effect in the registry, their numbers θ about neutral, and a Gaussian process f, the
 //! discrepancy, which describes the errors of the laws. The prior standard deviations of all θ are one common share of
-//! their typical sizes. Alternatively the effects that the search found keep the prior sizes with which they were
-//! found, and the others have the share. The evidence chooses between the two, and chooses the share, the variance of f
-//! and its length scale (type-II maximum likelihood; Rasmussen and Williams 2006, chapter 5). Because f is part of the
-//! covariance of the rows, more rows at the same places do not make a law that is only approximately correct look
-//! certain.
+//! their typical sizes. The share, the variance of f and its length scale are those of most evidence (type-II maximum
+//! likelihood; Rasmussen and Williams 2006, chapter 5). Because f is part of the covariance of the rows, more rows at the
+//! same places do not make a law that is only approximately correct look certain.
 
 use super::candidate::Candidate;
 use super::columns::Columns;
 use super::decisions::caution;
 use super::engine::{Engine, stacked};
-use super::found::{Members, Posterior};
+use super::found::Posterior;
 use super::moments::Moments;
 use super::noise::{self, Field, Over};
 use super::pattern::Standing;
@@ -27,44 +25,23 @@ use deflex_effects::Shape;
 use nalgebra::Vector3;
 
 /// Common prior sizes that are tried, as shares of the typical sizes.
-const SHARES: [f64; 5] = [0.05, 0.125, 0.25, 0.5, 1.0];
+pub(super) const SHARES: [f64; 5] = [0.05, 0.125, 0.25, 0.5, 1.0];
 /// Length scales of the discrepancy that are tried, in standard deviations of place, posture and force over the table.
 const REACHES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 /// Variances of the discrepancy that are tried, relative to that of the white noise: standard deviations from one half
 /// to eight times.
 pub(super) const VARIANCES: [f64; 5] = [0.25, 1.0, 4.0, 16.0, 64.0];
 
-/// Prior sizes of the effects as shares of their typical sizes.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shares {
-    /// The share of the effects that the search found; `None` if they keep the sizes with which they were found.
-    found: Option<f64>,
-    /// The share of all other effects.
-    others: f64,
-}
-
-impl Shares {
-    /// All shares that are common to all effects.
-    pub(super) fn common() -> impl Iterator<Item = Self> {
-        SHARES.into_iter().map(|share| Self { found: Some(share), others: share })
-    }
-
-    /// The same, and each share for the other effects while those that were found keep their sizes.
-    fn all() -> impl Iterator<Item = Self> {
-        SHARES.into_iter().flat_map(|others| [Some(others), None].map(|found| Self { found, others }))
-    }
-}
-
-/// The columns of all members with some prior sizes, and their price, nats.
+/// The columns of all members with a common share of their typical sizes, and their price, nats.
 pub(super) struct Trial {
-    pub(super) shares: Shares,
+    pub(super) share: f64,
     pub(super) columns: Columns,
     pub(super) price: f64,
 }
 
-/// The shares, the discrepancy and the noise of most evidence.
+/// The share, the discrepancy and the noise of most evidence.
 struct Sizes {
-    shares: Shares,
+    share: f64,
     shape: noise::Shape,
     sigma: f64,
     evidence: f64,
@@ -91,18 +68,12 @@ impl Engine {
         best.into_iter().map(|(.., c)| c).collect()
     }
 
-    /// The candidates with the prior sizes of these shares. Effects whose numbers have a covariance from an earlier
-    /// identification keep that prior.
-    fn shrunk(&self, members: &Members, Shares { found, others }: Shares) -> Vec<Candidate> {
+    /// The candidates, of which the members have a common share of their typical sizes. Effects whose numbers have a
+    /// covariance from an earlier identification keep that prior.
+    fn shrunk(&self, members: &[usize], share: f64) -> Vec<Candidate> {
         let mut candidates = self.candidates.clone();
-        let mut shrink = |set: &[usize], share: f64| {
-            let sized = set.iter().filter(|&&c| !self.candidates[c].is_pattern() && self.candidates[c].known.is_none());
-            sized.for_each(|&c| candidates[c].scale = share);
-        };
-        shrink(&members.others, others);
-        if let Some(found) = found {
-            shrink(&members.found, found);
-        }
+        let sized = members.iter().filter(|&&c| !self.candidates[c].is_pattern() && self.candidates[c].known.is_none());
+        sized.for_each(|&c| candidates[c].scale = share);
         candidates
     }
 
@@ -124,22 +95,19 @@ impl Engine {
 
     /// The members of the model of the whole arm: those of a set, without unlisted patterns and faults, and one of
     /// every other family.
-    pub(super) fn members_of_whole_arm(&self, search: &Search, set: &[usize]) -> Members {
+    pub(super) fn members_of_whole_arm(&self, search: &Search, set: &[usize]) -> Vec<usize> {
         let stays = |c: &usize| !matches!(self.candidates[*c].standing(), Some(Standing::Unlisted | Standing::Fault));
-        let found: Vec<usize> = set.iter().copied().filter(stays).collect();
-        let others = self.all_others(search, &found);
-        Members { found, others }
+        let mut members: Vec<usize> = set.iter().copied().filter(stays).collect();
+        members.extend(self.all_others(search, &members));
+        members
     }
 
-    /// The columns of all members with the prior sizes of these shares, and their price. Members that keep the sizes
-    /// with which they were found have the price of the search. All others are in the model without a choice, and pay
-    /// only for the choice of a variant of their family.
-    pub(super) fn trial(&self, members: &Members, shares: Shares, always: &[usize]) -> Trial {
-        let candidates = self.shrunk(members, shares);
-        let search = Search::new(&candidates, &[], always);
-        let alike = |set: &[usize]| set.iter().map(|&c| self.variants(c).ln()).sum::<f64>();
-        let found = if shares.found.is_none() { search.prices(&members.found) } else { alike(&members.found) };
-        Trial { shares, columns: search.columns(&members.all()), price: found + alike(&members.others) }
+    /// The columns of all members with a common share of their typical sizes, and their price. The members are in the
+    /// model without a choice, and pay only for the choice of a variant of their family.
+    pub(super) fn trial(&self, members: &[usize], share: f64, always: &[usize]) -> Trial {
+        let candidates = self.shrunk(members, share);
+        let columns = Search::new(&candidates, &[], always).columns(members);
+        Trial { share, columns, price: members.iter().map(|&c| self.variants(c).ln()).sum() }
     }
 
     /// Number of variants with the typical prior sizes among which a member was chosen; for harmonics the number of
@@ -158,18 +126,17 @@ impl Engine {
 
     /// Whether the model of the whole arm, still without its discrepancy, has larger evidence than a set, less the
     /// prices of both. Both have the moments of the search, so that this costs little.
-    pub(super) fn gains_on(&self, search: &Search, set: &[usize], members: &Members) -> bool {
+    pub(super) fn gains_on(&self, search: &Search, set: &[usize], members: &[usize]) -> bool {
         let value = search.objective(set);
-        Shares::all().any(|shares| {
-            let trial = self.trial(members, shares, search.always);
+        SHARES.iter().any(|&share| {
+            let trial = self.trial(members, share, search.always);
             score(search.moments, &trial.columns, Some(self.sigma)).evidence - trial.price > value
         })
     }
 
     /// The prior sizes, the discrepancy and the noise of most evidence about the present fit.
-    fn sizes(&mut self, members: &Members) -> Option<Sizes> {
-        let all = members.all();
-        let linear = self.linearise(&all, &[]);
+    fn sizes(&mut self, members: &[usize]) -> Option<Sizes> {
+        let linear = self.linearise(members, &[]);
         let stacked = stacked(linear.design.kept(), &linear.data);
         let series = self.problem.series(|row| !row.held_out);
         let declared = self.problem.declared_sigma_mm;
@@ -181,11 +148,11 @@ impl Engine {
             let shapes = VARIANCES.map(of);
             for (moments, (shape, _)) in Moments::under_fields(&stacked, &series, &shapes).into_iter().zip(shapes) {
                 let moments = [Moments { declared, ..moments }];
-                for Trial { shares, columns, price } in tried {
+                for Trial { share, columns, price } in tried {
                     let score = score(&moments, columns, best.as_ref().map(|best| best.sigma));
                     let evidence = score.evidence - price;
                     if best.as_ref().is_none_or(|best| evidence > best.evidence) {
-                        best = Some(Sizes { shares: *shares, shape, sigma: score.sigma, evidence });
+                        best = Some(Sizes { share: *share, shape, sigma: score.sigma, evidence });
                     }
                 }
             }
@@ -193,14 +160,13 @@ impl Engine {
         };
         // The wander that the search chose may be an error of the other effects. It is chosen again first, with a
         // middle share and length scale.
-        let middle = Shares { found: Some(SHARES[2]), others: SHARES[2] };
-        let middle = [self.trial(members, middle, &linear.always)];
+        let middle = [self.trial(members, SHARES[2], &linear.always)];
         let mut drift = None;
         for shape in noise::few().into_iter().chain([noise::Shape { field: None, ..self.shape }]) {
             drift = weigh(shape, REACHES[2], &middle);
         }
         let drift = noise::Shape { field: None, ..drift? };
-        let tried: Vec<Trial> = Shares::all().map(|shares| self.trial(members, shares, &linear.always)).collect();
+        let tried: Vec<Trial> = SHARES.iter().map(|&share| self.trial(members, share, &linear.always)).collect();
         for reach in REACHES {
             weigh(drift, reach, &tried);
         }
@@ -220,13 +186,13 @@ impl Engine {
 
     /// Replaces the set that the search found by the model of the whole arm, and returns the probability of each
     /// effect.
-    pub(super) fn take_whole_arm(&mut self, members: &Members) -> Vec<Posterior> {
+    pub(super) fn take_whole_arm(&mut self, members: Vec<usize>) -> Vec<Posterior> {
         // Outliers and heavy tails are judged again, because the other effects may explain these rows.
         self.problem.rows.iter_mut().for_each(|row| (row.tail, row.outlier) = (1.0, false));
-        let Some(sizes) = self.sizes(members) else { return Vec::new() };
+        let Some(sizes) = self.sizes(&members) else { return Vec::new() };
         (self.shape, self.sigma) = (sizes.shape, sizes.sigma);
-        self.candidates = self.shrunk(members, sizes.shares);
-        self.choose(members.all());
+        self.candidates = self.shrunk(&members, sizes.share);
+        self.choose(members);
         self.add_fault();
         if self.mark_outliers() > 0 {
             self.refit();
