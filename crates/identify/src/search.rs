@@ -257,10 +257,13 @@ impl<'a> Search<'a> {
         let all: Vec<usize> = (0..self.moments.len()).collect();
         let mut votes = vec![f64::NEG_INFINITY; self.moments.len()];
         let mut wanted = Vec::new();
+        let mut computed = Vec::new();
         for set in std::iter::once(vec![]).chain(pool.iter().map(|&c| vec![c])) {
             let more = self.columns_after_shared(&set);
             if let Some((evidence, shape)) = self.best_shape(&all, &more, f64::NEG_INFINITY) {
                 votes[shape] = votes[shape].max(evidence);
+                let objective = evidence - self.prices(&set);
+                computed.push((set, (objective, shape)));
             }
         }
         let mut order: Vec<usize> = (0..votes.len()).filter(|&s| votes[s].is_finite()).collect();
@@ -269,8 +272,9 @@ impl<'a> Search<'a> {
         if !wanted.contains(&0) {
             wanted.push(0);
         }
+        // The best of all shapes is also the best of the active ones if it is active.
+        *self.known.borrow_mut() = computed.into_iter().filter(|(_, (_, shape))| wanted.contains(shape)).collect();
         *self.active.borrow_mut() = wanted;
-        self.known.borrow_mut().clear();
     }
 
     /// Indices of the active noise shapes, in ascending order.
