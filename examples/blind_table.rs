@@ -235,12 +235,12 @@ fn main() {
     folders(&root, &mut all);
     all.retain(|f| f.display().to_string().contains(&filter));
     let all: Vec<PathBuf> = all.into_iter().step_by(step).collect();
-    let told = |folder: &PathBuf| {
+    let judged = |folder: &PathBuf| {
         let case = case(folder, &root);
         print(folder.strip_prefix(&root).unwrap_or(folder), &case);
         case
     };
-    totals(&all.par_iter().map(told).collect::<Vec<_>>());
+    totals(&all.par_iter().map(judged).collect::<Vec<_>>());
 }
 
 fn kinds(case: &Case) -> String {

@@ -67,7 +67,7 @@ def compensate(
 
     `client` is a `distributed.Client`; the current one where it is left out. With `out_dir` the workers write programs and
     reports (`NAME.report.csv`) there, as `--out-dir` does, and `Results.files` is empty; without, the programs come back.
-    `progress(done, total)` is told programs.
+    `progress(done, total)` receives numbers of programs.
     """
     programs: list[list[str]] = [
         [os.fspath(path)] if isinstance(path, (str, os.PathLike)) else [os.fspath(part) for part in path] for path in paths

@@ -86,10 +86,10 @@ def test_tables_become_data_frames():
 
 
 def test_progress_is_told_and_its_errors_stop_the_run(long_program):
-    told = []
-    deflex.predict(long_program, "samples/slot/cell.toml", progress=lambda done, total: told.append((done, total)))
+    steps = []
+    deflex.predict(long_program, "samples/slot/cell.toml", progress=lambda done, total: steps.append((done, total)))
     total = os.path.getsize(long_program)
-    assert told[-1] == (total, total) and [done for done, _ in told] == sorted(done for done, _ in told)
+    assert steps[-1] == (total, total) and [done for done, _ in steps] == sorted(done for done, _ in steps)
 
     def stop(done: int, total: int) -> None:
         raise LookupError("enough")
@@ -101,9 +101,9 @@ def test_progress_is_told_and_its_errors_stop_the_run(long_program):
 def test_an_identification_tells_its_stages_and_is_called_off():
     folder = "samples/closed-loop"
     run = {"runs": [(f"{folder}/part.mod", f"{folder}/measured.csv")], "cell": f"{folder}/cell.toml"}
-    told = []
-    deflex.identify(**run, progress=lambda done, total: told.append((done, total)))
-    assert told[-1] == (1000, 1000) and [done for done, _ in told] == sorted(done for done, _ in told)
+    steps = []
+    deflex.identify(**run, progress=lambda done, total: steps.append((done, total)))
+    assert steps[-1] == (1000, 1000) and [done for done, _ in steps] == sorted(done for done, _ in steps)
 
     def stop(done: int, total: int) -> None:
         stopped.append(done)

@@ -89,15 +89,15 @@ def test_a_fleet_is_identified(client, tmp_path):
     foreign = tmp_path / "foreign.csv"
     foreign.write_text("target,x_mm,y_mm,z_mm,fx_n,fy_n,fz_n\n100000,1,2,3,0,0,0\n")
     fleet = {f"robot {n}": ([(part, measured)], cell) for n in range(3)} | {"robot 3": ([(part, str(foreign))], cell)}
-    before, told = pids(client), []
+    before, steps = pids(client), []
 
     def kill(done: int, total: int) -> None:
-        if not told:
+        if not steps:
             os.kill(before[0], signal.SIGKILL)
-        told.append((done, total))
+        steps.append((done, total))
 
     found = deflex.fleet.identify(fleet, client=client, progress=kill)
-    assert told == [(done, 4) for done in range(1, 5)] and [row.name for row in found.rows] == list(fleet)
+    assert steps == [(done, 4) for done in range(1, 5)] and [row.name for row in found.rows] == list(fleet)
     assert [row.name for row in found.failed] == ["robot 3"] and "foreign.csv" in found.failed[0].error
     alone = deflex.identify(runs=[(part, measured)], cell=cell)
     for row in found.rows[:3]:

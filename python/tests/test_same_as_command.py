@@ -43,8 +43,8 @@ def same_numbers(run) -> None:
 
 
 def same_summary(summary: dict, file: Path) -> None:
-    (told,) = json.loads(file.read_text())["files"]
-    assert dict(summary) == told
+    (written,) = json.loads(file.read_text())["files"]
+    assert dict(summary) == written
 
 
 @pytest.mark.parametrize("program, folder", SAMPLES)
@@ -79,17 +79,17 @@ def test_predict(program, folder, command, tmp_path):
 
 def test_options_are_the_command_s(command, tmp_path):
     program, cell, written = "samples/slot/slot.mod", "samples/slot/cell.toml", tmp_path / "out.mod"
-    asked = {
+    commands = {
         ("--free-spin",): {"free_spin": True},
         ("--correct", "position"): {"correct": "position"},
         ("--subdivide", "0.0001"): {"subdivide_mm": 1e-4},
     }
     texts = set()
-    for arguments, options in asked.items():
+    for arguments, options in commands.items():
         command("compensate", program, "--cell", cell, *arguments, "-o", written)
         texts.add(written.read_text())
         assert deflex.compensate(program, cell, **options).text == written.read_text(), arguments
-    assert len(texts) == len(asked)
+    assert len(texts) == len(commands)
 
 
 def test_a_long_program_is_streamed_to_the_same_bytes(long_program, steep_cell, command, tmp_path):
@@ -147,13 +147,13 @@ def test_simulate(command, tmp_path):
     names = ("report", "json", "html", "stl")
     out = {name: tmp_path / f"out.{name}" for name in names}
     command("simulate", program, "--cell", cell, *(part for name in names for part in (f"--{name}", out[name])))
-    told = []
-    found = deflex.simulate(program, cell, progress=lambda done, total: told.append(done / total))
+    shares = []
+    found = deflex.simulate(program, cell, progress=lambda done, total: shares.append(done / total))
     assert found.csv == out["report"].read_text() and found.stl == out["stl"].read_bytes()
     assert found.html == out["html"].read_text() and found._repr_html_().startswith("<iframe")
     same_report(found.report, out["report"].read_text())
     same_summary(found.summary, out["json"])
-    assert told[-1] == 1 and told == sorted(told) and "rms" in repr(found)
+    assert shares[-1] == 1 and shares == sorted(shares) and "rms" in repr(found)
 
 
 def test_columns_of_other_names(command, tmp_path):
@@ -192,11 +192,11 @@ def test_plan(command, tmp_path):
     )
     written, table, answer = (tmp_path / name for name in ("plan.mod", "plan.csv", "plan.json"))
     command("plan", "--cell", cell, "--rows", 12, "-o", written, "--measured", table, "--json", answer)
-    told = []
-    planned = deflex.plan(cell, 12, progress=lambda done, total: told.append(done / total))
+    shares = []
+    planned = deflex.plan(cell, 12, progress=lambda done, total: shares.append(done / total))
     assert planned.program == written.read_text() and planned.table == table.read_text()
     assert planned.json == json.loads(answer.read_text())
-    assert told[-1] == 1 and len(planned.json.rows) == 12
+    assert shares[-1] == 1 and len(planned.json.rows) == 12
     with pytest.raises(ValueError, match="8 to 500"):
         deflex.plan(cell, 3)
 

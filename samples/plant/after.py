@@ -1,7 +1,7 @@
 """Settles what cells of shop.py leave undecided: `after.py FOLDER -o OUT [--rows N]`.
 
-Where `deflex identify` cannot tell effects apart, `deflex plan --after` chooses further rows; they are played on the plant, measured with
-fresh noise on a clamping of their own, and lie in OUT beside those of the first run, as cells for `blind_table`. Needs requirements.txt
+Where `deflex identify` cannot distinguish effects, `deflex plan --after` chooses further rows; they are played on the plant, measured with
+fresh noise on a clamping of their own, and are in OUT together with those of the first run, as cells for `blind_table`. Needs requirements.txt
 and a built deflex.
 """
 

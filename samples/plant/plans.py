@@ -126,7 +126,7 @@ def zigzag(robot, rng, rows=6, columns=4):
 
 
 def designed(robot, rng, passes=38, per_pass=8):
-    """Short lines that vary everything that tells effects apart, in shuffled order.
+    """Short lines that vary everything by which effects can be distinguished, in shuffled order.
 
     Three areas with their own tool posture; feed along x and y, both ways; three spins about the tool axis; air, half and
     full load with forces of either sign; two speeds. Each line is approached in air.

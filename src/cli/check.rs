@@ -74,7 +74,7 @@ pub(super) fn run(args: &Check) -> Outcome {
     outputs.commit()?;
     message::print(&setup.cell.own(printed), args.common.quiet);
     if has_report && !args.common.quiet {
-        message::say(&[text]);
+        message::print_lines(&[text]);
     }
     if !failed.is_empty() {
         return Err(failed);

@@ -46,12 +46,12 @@ pub(super) fn run(args: &Identify) -> Outcome {
     }
 
     let bar = progress::shares("identifying", args.common.quiet);
-    let tell = |share: f64| {
+    let reached = |share: f64| {
         progress::reached(&bar, share);
         true
     };
     let written = if args.sparse { Written::NamedAlone } else { Written::WholeModel };
-    let done = session::identify(&cell, &runs, &poses, args.tool.as_deref(), written, &tell);
+    let done = session::identify(&cell, &runs, &poses, args.tool.as_deref(), written, &reached);
     bar.finish_and_clear();
     let done = done?;
     let found = &done.found;
@@ -69,7 +69,7 @@ pub(super) fn run(args: &Identify) -> Outcome {
     if printed == 0 {
         outputs.add_summary(&with_law_text(identify_text(found)));
     } else if !args.common.quiet {
-        message::say(&[with_law_text(identify_text(found))]);
+        message::print_lines(&[with_law_text(identify_text(found))]);
     }
     outputs.commit()?;
     let notes: Vec<Diagnostic> =
@@ -96,7 +96,7 @@ fn path_alone(args: &Identify, cell: &CellFile, path: &FittedLaw) -> Outcome {
     outputs.add_report(args.json.as_ref(), || pretty(&BTreeMap::from([("path", path)])))?;
     if to_stdout([&args.output, &args.json].map(Option::as_ref)) > 0 {
         if !args.common.quiet {
-            message::say(&[path_law_text(path)]);
+            message::print_lines(&[path_law_text(path)]);
         }
     } else {
         outputs.add_summary(&path_law_text(path));

@@ -29,7 +29,7 @@ pub(super) fn print(diagnostics: &[Diagnostic], quiet: bool) {
     }
     if shown.len() > MOST_SHOWN {
         drop(stderr);
-        say(&[format!("… and {} more", shown.len() - MOST_SHOWN)]);
+        print_lines(&[format!("… and {} more", shown.len() - MOST_SHOWN)]);
     }
 }
 
@@ -94,7 +94,7 @@ fn without_numbers(message: &str) -> String {
 }
 
 /// Prints lines for people to stderr.
-pub(super) fn say(lines: &[String]) {
+pub(super) fn print_lines(lines: &[String]) {
     let mut stderr = io::stderr().lock();
     for line in lines {
         let text = match *FOR_A_PROGRAM {

@@ -25,10 +25,10 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     let stem = args.output.file_stem().filter(|_| !is_stdout(&args.output));
     let name = stem.map_or_else(|| "plan".into(), |stem| stem.to_string_lossy().into_owned());
     let bar = progress::shares("planning", args.common.quiet);
-    let tell = |share: f64| progress::reached(&bar, share);
+    let reached = |share: f64| progress::reached(&bar, share);
     let language = args.post.or(cell.cell.language).unwrap_or(Language::Rapid);
     let program = PlanProgram { name: &name, language, ask: args.ask.unwrap_or_default().into() };
-    let done = session::plan(&cell, usize::from(args.rows), &pool, after.as_ref(), program, &tell);
+    let done = session::plan(&cell, usize::from(args.rows), &pool, after.as_ref(), program, &reached);
     bar.finish_and_clear();
     let done = done?;
     let found = &done.found;
@@ -44,7 +44,7 @@ pub(super) fn run(args: &Arguments) -> Outcome {
     if printed == 0 {
         outputs.add_summary(&text);
     } else if !args.common.quiet {
-        message::say(&[text]);
+        message::print_lines(&[text]);
     }
     outputs.commit()?;
     let warning = other_ending(&args.output, language).map(|(_, warning)| warning);

@@ -195,7 +195,7 @@ pub(super) fn finish(
     message::print(&setup.cell.own(notes), quiet);
     if !quiet {
         texts.retain(|text| !text.is_empty());
-        message::say(&texts);
+        message::print_lines(&texts);
     }
     // The results are written. The programs with errors have been listed, and make the exit code 2.
     if failed.is_empty() { Ok(Answer::Yes) } else { Err(failed) }

@@ -43,11 +43,11 @@ pub(super) fn run(args: &Simulate) -> Outcome {
         let original = originals.of(&job, &setup)?;
         let program = setup.program(job)?;
         let shown = bar.clone();
-        let tell: Arc<SimulationProgress> = Arc::new(move |share| {
+        let reached: Arc<SimulationProgress> = Arc::new(move |share| {
             progress::reached(&shown, (i as f64 + share) / count);
             true
         });
-        let simulated = Simulated::of(&name, &program, original.as_ref(), &setup, &tell)?;
+        let simulated = Simulated::of(&name, &program, original.as_ref(), &setup, &reached)?;
         outputs.add_report(args.stl.as_ref(), || Ok(simulated.stl()))?;
         outputs.add_report(args.html.as_ref(), || Ok(simulated.page()))?;
         let probed = probes.as_ref().map(|points| probed(points, simulated.removal())).transpose()?;

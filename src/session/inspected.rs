@@ -141,11 +141,11 @@ fn programs(path: &Path) -> Result<Vec<PathBuf>, Vec<Diagnostic>> {
 
 fn is_program(path: &Path, ending: &str) -> bool {
     let own = ending == LISTS || Language::ALL.iter().any(|language| language.endings().contains(&ending));
-    own || SHARED.contains(&ending) && !belongs_to_another(path) && says_so(path)
+    own || SHARED.contains(&ending) && !belongs_to_another(path) && has_program(path)
 }
 
 /// Whether the content of a text file is a program.
-fn says_so(path: &Path) -> bool {
+fn has_program(path: &Path) -> bool {
     std::fs::read(path).is_ok_and(|bytes| detect("", &bytes).is_some())
 }
 

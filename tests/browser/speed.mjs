@@ -21,7 +21,7 @@ const made = spawnSync(binary, ["predict", at("long.mod"), "--cell", at("cell.to
 if (made.status !== 0) throw new Error(String(made.stderr));
 
 let missed = 0;
-const tell = (what, value, unit, goal, isGood) => {
+const report = (what, value, unit, goal, isGood) => {
   if (!isGood) missed += 1;
   console.log(`${isGood ? "ok      " : "MISSED  "}${what}: ${value.toFixed(value < 10 ? 2 : 0)} ${unit} (goal: ${goal})`);
 };
@@ -64,7 +64,7 @@ const rates = async (frame, where) => {
   await frame.evaluate(() => window.deflex.choose(0));
   for (const [what, words] of [["turn", "turning"], ["play", "playing"]]) {
     const frames = await rate(frame, what);
-    tell(`${where}, 100,000 targets, ${words}`, frames, "frames a second", "at least 30", frames >= 30);
+    report(`${where}, 100,000 targets, ${words}`, frames, "frames a second", "at least 30", frames >= 30);
   }
 };
 
@@ -83,7 +83,7 @@ try {
     if (i === RUNS - 1) await rates(page, "page");
     await page.close();
   }
-  tell(`page of 100,000 targets (${size.toFixed(1)} MB), first picture`, middle(times), "s", "at most 2", middle(times) <= 2);
+  report(`page of 100,000 targets (${size.toFixed(1)} MB), first picture`, middle(times), "s", "at most 2", middle(times) <= 2);
 
   // The window.
   const window = await browser.newPage({ viewport: { width: 1500, height: 1000 } });
@@ -91,13 +91,13 @@ try {
   await window.waitForSelector(".view.files .drop");
   await window.waitForTimeout(1000);
   const idle = memory();
-  if (idle) tell("server, opened", idle, "MiB", "below 50", idle < 50);
+  if (idle) report("server, opened", idle, "MiB", "below 50", idle < 50);
   await window.evaluate(() => { window.studio.app.chosen.program = "long.mod"; });
   const seen = performance.now();
   await window.click('nav a[href="#/program"]');
   await window.waitForSelector(".listing .line");
   const text = (performance.now() - seen) / 1000;
-  tell("window, program of 100,000 targets, text and what deflex understands", text, "s", "at most 2", text <= 2);
+  report("window, program of 100,000 targets, text and what deflex understands", text, "s", "at most 2", text <= 2);
   await window.waitForSelector("text=Predict and show the path");
   const firsts = [];
   let frame;
@@ -109,7 +109,7 @@ try {
     await painted(frame);
     firsts.push((performance.now() - start) / 1000);
   }
-  tell("window, 100,000 targets, from the click to the first picture", middle(firsts), "s", "at most 2", middle(firsts) <= 2);
+  report("window, 100,000 targets, from the click to the first picture", middle(firsts), "s", "at most 2", middle(firsts) <= 2);
   await window.locator("iframe.result").scrollIntoViewIfNeeded();
   await rates(frame, "window");
 
@@ -132,10 +132,10 @@ try {
     answers.push((performance.now() - start) / 1000);
     await window.waitForFunction(() => document.querySelector(".editor .bar .hint")?.textContent === "Saved");
   }
-  tell("window, 10,000 targets, from a changed stiffness to its error", middle(answers), "s", "at most 1", middle(answers) <= 1);
+  report("window, 10,000 targets, from a changed stiffness to its error", middle(answers), "s", "at most 1", middle(answers) <= 1);
   await window.waitForTimeout(2000);
   const after = memory();
-  if (after) tell("server, after these runs", after, "MiB", "below 50", after < 50);
+  if (after) report("server, after these runs", after, "MiB", "below 50", after < 50);
 } finally {
   await browser.close();
   server.kill();

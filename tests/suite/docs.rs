@@ -227,7 +227,7 @@ fn cell_files_of_the_documentation_are_read() {
 
 /// The check of a new cell's kinematics: right rows leave the pendant's rounding, a wrong length shows.
 #[test]
-fn postures_from_the_pendant_tell_right_rows_from_wrong_ones() {
+fn postures_from_the_pendant_distinguish_right_rows_from_wrong_ones() {
     let folder = workplace();
     let rms = |name: &str| {
         let arguments = ["identify", "--poses", "postures.csv", "--cell", name, "--tool", "tMill", "--json", "-", "-q"];

@@ -300,7 +300,7 @@ fn refusals_and_failures_are_reported_alike() {
 }
 
 #[test]
-fn what_only_the_whole_tells_is_not_streamed() {
+fn what_only_the_whole_program_determines_is_not_streamed() {
     let text = program(&[Line::Cut; SOME_CHUNKS.start], "\n");
     let cell = cell(CELL);
     assert_eq!(words(&streamed(&text, &cell, &Options::default(), 2).unwrap()), Vec::<String>::new());

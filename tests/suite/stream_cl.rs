@@ -323,7 +323,7 @@ proptest! {
 }
 
 #[test]
-fn what_only_the_whole_tells_is_read_whole() {
+fn what_only_the_whole_program_determines_is_read_whole() {
     let cell = cell(CELL);
     let text = file(&[Line::Tilted; 40], "\n");
     assert!(streamed(&text, &cell, None, &Options::default(), 300, 2).unwrap().is_ok());

@@ -246,7 +246,7 @@ fn a_tool_without_a_load_is_reported_once_in_chunks_too() {
 
 /// Any text in the middle or at the end: read as a whole, or the same in chunks.
 #[test]
-fn what_only_the_whole_tells_is_read_whole() {
+fn what_only_the_whole_program_determines_is_read_whole() {
     let lines = [Line::Cut; 60];
     let text = program(&lines);
     let options = Options::default();

@@ -352,7 +352,7 @@ material = "al7075"             # << a literature value is a start only: calibra
 # [stock]
 # wobj = {wobj}                # in whose axes; left out: the first work object that cuts
 # box_mm = [[0.0, 0.0, -40.0], [300.0, 200.0, 0.0]]
-# stl = "blank.stl"             # instead of the box: a closed mesh, mm, beside this file
+# stl = "blank.stl"             # instead of the box: a closed mesh, mm, relative to this file
 # resolution_mm = 0.5           # left out: from the smallest cutter
 # [part]
 # stl = "part.stl"              # what `deflex simulate` compares with, in the stock's axes; left out: the part as programmed
@@ -365,7 +365,7 @@ material = "al7075"             # << a literature value is a start only: calibra
 # box_mm = [[0.0, 0.0, -40.0], [300.0, 20.0, -30.0]]
 # stiffness_n_per_mm = [inf, inf, inf]   # of the clamp as a whole along x, y and z; inf: rigid
 
-# What besides the robot moves: tracks, positioners (docs/formats.md).
+# What moves in addition to the robot: tracks, positioners (docs/formats.md).
 # [[unit]]
 # name = "{unit}"                 # {unit_named}
 # axis = "{axis}"                # eax_a … eax_f

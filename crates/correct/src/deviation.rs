@@ -651,7 +651,7 @@ mod tests {
 
     #[test]
     #[allow(clippy::float_cmp)] // numbers that are printed or given, to the bit
-    fn a_jump_is_what_comes_on_top_of_what_is_left_before_and_behind() {
+    fn a_jump_is_the_error_beyond_that_before_and_after_it() {
         // The force goes on: nothing jumps, however short the segment.
         assert_eq!(judged(3e-4, 3e-4, 2e-4, 2e-4), [0.3, 0.3, 0.0]);
         assert_eq!(judged(0.0, 1e-4, 2e-4, 2e-4), [0.2, 0.2, 0.0]);

@@ -272,7 +272,7 @@ impl<T> Writer<'_, '_, T> {
             }
         }
         so_far.driven = corrected.driven.or(so_far.driven);
-        so_far.repeated.add(corrected.repeated);
+        so_far.repeated.append(corrected.repeated);
         so_far.tally.add(&corrected.rows);
         so_far.tally.insert(corrected.inserted);
         (sinks.each)(&corrected.rows);

@@ -273,7 +273,7 @@ impl<'a> Stages<'a> {
         }
         let on_the_way = along::look(walked, &cell.arm.robot);
         let mut repeated = remarks::repeated(context, prepared);
-        repeated.say_on_the_way(program, &on_the_way);
+        repeated.add_of_segments(program, &on_the_way);
         let notes = remarks::notes(context, prepared, turn.number);
         let mut corrected = Corrected { notes, on_the_way, repeated, ..out.finish() };
         if let Some(correction) = correction {

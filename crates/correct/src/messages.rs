@@ -45,8 +45,8 @@ impl Messages {
 
     /// Adds messages that are not in the list yet: an undeclared name is missing in every chunk.
     pub(super) fn add_once(&mut self, mut messages: Vec<Diagnostic>) {
-        let said = |new: &Diagnostic| self.first.iter().any(|old| old.message == new.message);
-        messages.retain(|new| !(new.code.starts_with("cell.unknown-") && said(new)));
+        let is_known = |new: &Diagnostic| self.first.iter().any(|old| old.message == new.message);
+        messages.retain(|new| !(new.code.starts_with("cell.unknown-") && is_known(new)));
         self.add(messages);
     }
 
@@ -81,34 +81,35 @@ impl Messages {
 pub(super) struct Repeated(Vec<(Diagnostic, usize)>);
 
 impl Repeated {
-    pub(super) fn say(&mut self, said: Diagnostic) {
-        self.say_often(said, 1);
+    /// Adds a warning.
+    pub(super) fn add(&mut self, warning: Diagnostic) {
+        self.add_often(warning, 1);
     }
 
-    fn say_often(&mut self, said: Diagnostic, count: usize) {
-        match self.0.iter_mut().find(|(known, _)| known.code == said.code && known.message == said.message) {
+    fn add_often(&mut self, warning: Diagnostic, count: usize) {
+        match self.0.iter_mut().find(|(known, _)| known.code == warning.code && known.message == warning.message) {
             Some((_, known)) => *known += count,
-            None => self.0.push((said, count)),
+            None => self.0.push((warning, count)),
         }
     }
 
     /// Adds the findings on segments.
-    pub(super) fn say_on_the_way(&mut self, program: &Program, found: &[WayFinding]) {
-        found.iter().for_each(|found| self.say(found.warning(program)));
+    pub(super) fn add_of_segments(&mut self, program: &Program, found: &[WayFinding]) {
+        found.iter().for_each(|found| self.add(found.warning(program)));
     }
 
     /// Adds the warnings of later targets.
-    pub(super) fn add(&mut self, later: Self) {
-        later.0.into_iter().for_each(|(said, count)| self.say_often(said, count));
+    pub(super) fn append(&mut self, later: Self) {
+        later.0.into_iter().for_each(|(warning, count)| self.add_often(warning, count));
     }
 
     /// The warnings in the order of their first targets, which is the same for a program in chunks and as a whole.
     pub(super) fn once(self) -> impl Iterator<Item = Diagnostic> {
         let mut all = self.0;
         all.sort_by(|(a, _), (b, _)| (&a.file, a.line, a.column).cmp(&(&b.file, b.line, b.column)));
-        all.into_iter().map(|(said, count)| match count {
-            1 => said,
-            _ => Diagnostic { message: format!("{} ({count} targets)", said.message), ..said },
+        all.into_iter().map(|(warning, count)| match count {
+            1 => warning,
+            _ => Diagnostic { message: format!("{} ({count} targets)", warning.message), ..warning },
         })
     }
 }

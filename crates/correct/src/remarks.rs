@@ -27,8 +27,8 @@ fn notes_of_all(Context { program, cell, .. }: Context<'_>, prepared: &Prepared)
         let how = format!(
             "{said_by} which configuration the arm has at the first target: deflex takes the one nearest to home"
         );
-        let said = program.error_at(first, "robot.start", how).severity(Severity::Note);
-        notes.push(said.help("give `[robot] start_deg` in the cell"));
+        let note = program.error_at(first, "robot.start", how).severity(Severity::Note);
+        notes.push(note.help("give `[robot] start_deg` in the cell"));
     }
     if !program.language.about().states_load && cell.arm.weighs_payload() {
         let is_light = |tool: &&Tool| tool.data.is_some() && !cell.tools.contains_key(&tool.name.to_ascii_uppercase());
@@ -68,8 +68,8 @@ fn doubtful_cuts(Context { program, cell, options, .. }: Context<'_>, prepared: 
             };
             let message = format!("{why}: `max_cutting_feed_mm_s` cannot decide whether this motion cuts, and it {so}");
             let [cut, air] = [Mark::Cut, Mark::Air].map(|mark| program.language.mark(mark));
-            let said = program.error_at(target, "cut.unknown-speed", message).severity(Severity::Warning);
-            repeated.say(said.help(format!("mark the motion `{cut}` or `{air}`")));
+            let warning = program.error_at(target, "cut.unknown-speed", message).severity(Severity::Warning);
+            repeated.add(warning.help(format!("mark the motion `{cut}` or `{air}`")));
         }
         if point.plunges {
             let message = "this motion feeds along the tool axis, whose force [cut] does not describe: the force of the \
@@ -78,7 +78,7 @@ fn doubtful_cuts(Context { program, cell, options, .. }: Context<'_>, prepared: 
             let help = format!(
                 "[stock] with `mode = \"stock\"` computes it from the stock; `{air}` marks a motion that cuts nothing"
             );
-            repeated.say(program.error_at(target, "cut.plunge", message).severity(Severity::Note).help(help));
+            repeated.add(program.error_at(target, "cut.plunge", message).severity(Severity::Note).help(help));
         }
     }
 }
@@ -91,8 +91,8 @@ fn unweighed_loads(Context { program, cell, .. }: Context<'_>, repeated: &mut Re
     for target in program.targets.iter().filter(|target| target.is_end() && target.extra_load) {
         let message = "a load in addition to that of the tool (`GripLoad`, `\\TLoad`) is ignored: gravity acts on the mass in \
                        the tooldata";
-        let said = program.error_at(target, "rapid.load", message).severity(Severity::Warning);
-        repeated.say(said.help("give the tool's tooldata the whole load where it holds for all of the program"));
+        let warning = program.error_at(target, "rapid.load", message).severity(Severity::Warning);
+        repeated.add(warning.help("give the tool's tooldata the whole load where it holds for all of the program"));
     }
 }
 
@@ -106,27 +106,27 @@ fn uncertain_sums(Context { program, cell, .. }: Context<'_>, repeated: &mut Rep
     for target in program.targets.iter().filter(is_uncertain) {
         let message = "which motions come before this one is known only at run time, and an effect of the cell grows with \
                        the length cut or with time: each motion counts once";
-        let said = program.error_at(target, "effect.uncertain-sum", message).severity(Severity::Warning);
-        repeated.say(said.help("write loops with known numbers of rounds, or leave the effect out of the cell"));
+        let warning = program.error_at(target, "effect.uncertain-sum", message).severity(Severity::Warning);
+        repeated.add(warning.help("write loops with known numbers of rounds, or leave the effect out of the cell"));
     }
 }
 
 /// Reasons why targets are not solved, if the user can remove them.
 fn unsolved(Context { program, .. }: Context<'_>, prepared: &Prepared, repeated: &mut Repeated) {
-    let mut say = |reason: KeptReason, place: MotionInText| {
+    let mut warn = |reason: KeptReason, place: MotionInText| {
         let Some(help) = reason.help(program.language) else { return };
         let message = format!("{reason}: the target stays where it is and is not solved");
         let source = &program.sources[usize::from(place.source)];
-        let said = Diagnostic::error("target.kept", "", message).on_line(source, place.span, place.line);
-        repeated.say(said.severity(Severity::Warning).help(help));
+        let warning = Diagnostic::error("target.kept", "", message).on_line(source, place.span, place.line);
+        repeated.add(warning.severity(Severity::Warning).help(help));
     };
     for (target, point) in program.targets.iter().zip(&prepared.points).filter(|(target, _)| target.is_end()) {
         if let Some(reason) = point.unsolved {
-            say(reason, MotionInText { source: target.source, span: target.span, line: target.line });
+            warn(reason, MotionInText { source: target.source, span: target.span, line: target.line });
         }
     }
     for motion in &program.unknown {
-        say(motion.reason.into(), MotionInText { source: motion.source, span: motion.span, line: motion.line });
+        warn(motion.reason.into(), MotionInText { source: motion.source, span: motion.span, line: motion.line });
     }
 }
 
@@ -149,8 +149,8 @@ pub(super) fn overlapping_blends(
         let distance_mm = (correction.written_mm(i) - correction.written_mm(before)).norm();
         if from.wobj == to.wobj && to.predecessor == Predecessor::Previous && sum_mm > distance_mm {
             let message = "the blends of this motion and of the one before overlap: the controller skips such a motion";
-            let said = program.error_at(to, "program.blends-overlap", message).severity(Severity::Warning);
-            repeated.say(said.help("make r at most half of the distance to the points before and after"));
+            let warning = program.error_at(to, "program.blends-overlap", message).severity(Severity::Warning);
+            repeated.add(warning.help("make r at most half of the distance to the points before and after"));
         }
     }
 }
@@ -171,12 +171,12 @@ pub(super) fn insertions(
     repeated: &mut Repeated,
 ) {
     let Some(rewritten) = &correction.rewritten else { return };
-    let mut say = |i: usize, code, message: String, help: &str| {
-        repeated.say(program.error_at(&program.targets[i], code, message).severity(Severity::Warning).help(help));
+    let mut warn = |i: usize, code, message: String, help: &str| {
+        repeated.add(program.error_at(&program.targets[i], code, message).severity(Severity::Warning).help(help));
     };
     for &(i, reason) in &rewritten.not_inserted {
         let message = format!("no target can be inserted here: {reason}");
-        say(
+        warn(
             i,
             "subdivide.not-inserted",
             message,
@@ -194,7 +194,7 @@ pub(super) fn insertions(
         if together.iter().any(|insert| widest > insert.room_mm) {
             let message = "the zone here, or at the target before, is wider than the distance to the inserted target";
             let help = "the controller rounds there, which is not modelled: write `fine` or a smaller zone";
-            say(i, "subdivide.zone", message.to_owned(), help);
+            warn(i, "subdivide.zone", message.to_owned(), help);
         }
     }
 }

@@ -156,7 +156,7 @@ fn a_ramp_begins_at_rest() {
 }
 
 #[test]
-fn a_corner_is_passed_as_slowly_as_the_acceleration_across_it_asks() {
+fn a_corner_is_passed_as_slowly_as_the_acceleration_across_it_requires() {
     let law = PathLaw { smoothing: [0.06, 0.06], corner_acceleration: 4.0, ..PLAIN };
     let turn = 2f64.sqrt();
     let corner = |tcp: f64| Turn { tcp, ..Turn::default() };

@@ -137,10 +137,11 @@ fn counted_loops_run_each_round_and_unknown_ones_are_joined() {
         "FOR LI000 START= 120 TO 123\nMOVL C00001 V=1.0\nNEXT LI000\nJUMP *E IFEXPRESS IN#(1)=ON ANDEXP IN#(2)=ON\nMOVL C00002 V=1.0\n*E\n",
     );
     assert_eq!(started.xs(), [1.0, 1.0, 1.0, 1.0, 2.0].map(Some));
-    let asked = ran("*A\nMOVL C00001 V=1.0\nJUMP *B IF IN#(1)=ON\nMOVL C00002 V=1.0\nJUMP *A\n*B\nMOVL C00003 V=1.0\n");
-    assert_eq!(asked.xs(), [1.0, 2.0, 3.0].map(Some));
+    let awaited =
+        ran("*A\nMOVL C00001 V=1.0\nJUMP *B IF IN#(1)=ON\nMOVL C00002 V=1.0\nJUMP *A\n*B\nMOVL C00003 V=1.0\n");
+    assert_eq!(awaited.xs(), [1.0, 2.0, 3.0].map(Some));
     assert_eq!(
-        asked.motions.iter().map(|motion| motion.from).collect::<Vec<_>>(),
+        awaited.motions.iter().map(|motion| motion.from).collect::<Vec<_>>(),
         [Predecessor::Unknown, Predecessor::Previous, Predecessor::Unknown]
     );
     let endless = ran("*A\nMOVL C00001 V=1.0\nMOVL C00002 V=1.0\nJUMP *A\n");

@@ -82,10 +82,10 @@ pub fn align(original: &Program, corrected: &Program, fit: &impl Fit) -> Result<
     }
     let candidates = candidates(&wanted, &given, fit)?;
     let open = |list: &[Candidate]| list.len() > 1;
-    let asked = |j: &usize| open(&candidates[*j]);
+    let is_open = |j: &usize| open(&candidates[*j]);
     let pair = |j: usize, candidate: &Candidate| (given[candidate.end].target, wanted[j].target);
     let pairs: Vec<(usize, usize)> = (0..candidates.len())
-        .filter(asked)
+        .filter(is_open)
         .flat_map(|j| candidates[j].iter().map(move |candidate| (j, candidate)))
         .map(|(j, candidate)| pair(j, candidate))
         .collect();

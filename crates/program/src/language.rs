@@ -180,7 +180,7 @@ fn one_file(names: &[&str], each: impl Fn(&str) -> String) -> Vec<(String, Strin
     vec![("[controller] harmless".to_owned(), names.iter().map(|name| each(name)).collect())]
 }
 
-/// What holds for a language of which nothing else is said.
+/// The properties of a language where the table states no other.
 const BASE: About = About {
     word: "",
     name: "",

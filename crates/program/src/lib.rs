@@ -152,7 +152,7 @@ pub struct Tool {
 }
 
 impl Tool {
-    /// Whether another is this one: RAPID does not tell case apart.
+    /// Whether another is this one: RAPID does not distinguish upper and lower case.
     pub(crate) fn is(&self, other: &Self) -> bool {
         self.name.eq_ignore_ascii_case(&other.name) && self.data == other.data
     }
@@ -231,7 +231,7 @@ pub struct Wobj {
 }
 
 impl Wobj {
-    /// Whether another is this one: RAPID does not tell case apart.
+    /// Whether another is this one: RAPID does not distinguish upper and lower case.
     pub(crate) fn is(&self, other: &Self) -> bool {
         self.name.eq_ignore_ascii_case(&other.name) && self.data == other.data && self.unit == other.unit
     }

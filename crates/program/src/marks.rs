@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn marks_that_mean_nothing_are_told_at_their_line() {
+    fn marks_that_mean_nothing_are_reported_at_their_line() {
         let rapid = "! deflex air\n  MoveL p1; ! Deflex aire\n! posted by deflex 0.1.0\nTPWrite \"! deflex x\";\n!deflex\n! DEFLEX CUT\r\n";
         assert_eq!(lines(Language::Rapid, rapid), [2, 5]);
         assert_eq!(

@@ -471,10 +471,10 @@ impl Mark {
         // Control characters and no-break spaces part words in real files, too.
         let mut words = comment.split(|b| *b <= b' ' || matches!(b, 0x7F | 0xA0)).filter(|word| !word.is_empty());
         words.next().filter(|word| word.eq_ignore_ascii_case(b"deflex"))?;
-        let said = words.next()?;
+        let kind = words.next()?;
         [(&b"air"[..], Self::Air), (b"cut", Self::Cut)]
             .into_iter()
-            .find(|(word, _)| said.eq_ignore_ascii_case(word))
+            .find(|(word, _)| kind.eq_ignore_ascii_case(word))
             .map(|found| found.1)
     }
 

@@ -323,18 +323,18 @@ fn together(files: &[&InspectFile], out: &mut String) {
 
 /// Tools, kept statements by reason, and faults of one file.
 fn details(file: &InspectFile, out: &mut String) {
-    let mut say = |line: String| {
+    let mut add = |line: String| {
         // Writing to a String cannot fail.
         let _ = writeln!(out, "{}: {}", printable_line(&file.path), printable_line(&line));
     };
     if let Some(reason) = &file.refused {
-        say(format!("refused: {reason}"));
+        add(format!("refused: {reason}"));
         return;
     }
     if !file.tools.is_empty() {
-        say(format!("tools {}; work objects {}", file.tools.join(", "), file.wobjs.join(", ")));
+        add(format!("tools {}; work objects {}", file.tools.join(", "), file.wobjs.join(", ")));
     }
-    file.reach.in_words().into_iter().for_each(&mut say);
+    file.reach.in_words().into_iter().for_each(&mut add);
     let mut reasons: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for kept in &file.kept {
         reasons.entry(kept.reason).or_default().push(kept.line);
@@ -343,9 +343,9 @@ fn details(file: &InspectFile, out: &mut String) {
         const SHOWN: usize = 5; // the rest is in the JSON
         let shown: Vec<String> = lines.iter().take(SHOWN).map(ToString::to_string).collect();
         let more = if lines.len() > SHOWN { ", …" } else { "" };
-        say(format!("{} kept: {reason} (line {}{more})", lines.len(), shown.join(", ")));
+        add(format!("{} kept: {reason} (line {}{more})", lines.len(), shown.join(", ")));
     }
     if let Some(fault) = &file.round_trip_fault {
-        say(format!("round trip: {fault}"));
+        add(format!("round trip: {fault}"));
     }
 }

@@ -104,8 +104,8 @@ impl Band {
             (displacement, [u - displacement[0] * back, v - displacement[1] * back])
         });
         let centre = spine.iter().fold(Vector3::zeros(), |sum, point| sum + point / spine.len() as f64);
-        let beside = |point: &Vector3<f64>| (point.x - centre.x).hypot(point.y - centre.y);
-        let reach = spine.iter().map(beside).fold(0.0, f64::max) + sweep.solid.radius + lattice.spacing;
+        let from_axis = |point: &Vector3<f64>| (point.x - centre.x).hypot(point.y - centre.y);
+        let reach = spine.iter().map(from_axis).fold(0.0, f64::max) + sweep.solid.radius + lattice.spacing;
         let [centre_u, centre_v] = turned(centre.x, centre.y);
         let mut removed = 0.0;
         for j in rows {

@@ -1,6 +1,6 @@
 // A cell: made from a robot, a backup or a description; a form and its text, edited in both directions; what deflex says of it.
 
-import { asks, button, check, figure, h, labelled, messages, select } from "./elements.js";
+import { confirmed, button, check, figure, h, labelled, messages, select } from "./elements.js";
 import { post, read, readJson, run, succeeded, write } from "./server.js";
 import { readingControls, readingOf } from "./reading.js";
 import { armPicture } from "./robot.js";
@@ -53,7 +53,7 @@ const maker = (app) => {
   const name = h("input", { type: "text", value: fresh(app, "cell"), spellcheck: false });
   const make = async (origin, tip) => {
     const output = name.value.trim();
-    if (app.has(output) && !(await asks(`${output} is in the folder already.`, "Replace it"))) return;
+    if (app.has(output) && !(await confirmed(`${output} is in the folder already.`, "Replace it"))) return;
     try {
       const job = await run({ command: "init", origin, output, tip });
       reports.replaceChildren(messages(job.messages));
@@ -137,7 +137,7 @@ const edit = async (root, name, app) => {
   };
   const fail = (error) => { said.replaceChildren(h("p", { className: "error", role: "alert" }, error.message)); };
 
-  // Writes the text, and asks deflex what it says of it.
+  // Writes the text, and shows the messages of deflex about it.
   const save = async () => {
     try {
       const sent = text;
@@ -231,7 +231,7 @@ const edit = async (root, name, app) => {
       offers.length > 0 ? h("p", { className: "offers" }, offers.map(({ key, place, line, help }) => button(`+ ${key}`, () => change({ what: "take", path, place, line }), { title: help }))) : "",
       path.length > 0 && title !== "robot" ? h("p", { className: "actions" },
         isNamed ? button("Copy under another name", () => copy(section)) : isListed ? button("Add another", () => change({ what: "copy", path, name: "" })) : "",
-        button("Remove the section", async () => (await asks(`Remove [${title}]? Undo brings it back.`, "Remove it")) && change({ what: "remove", path }))) : "");
+        button("Remove the section", async () => (await confirmed(`Remove [${title}]? Undo brings it back.`, "Remove it")) && change({ what: "remove", path }))) : "");
   };
   const copy = ({ path, title }) => {
     const input = h("input", { type: "text" });

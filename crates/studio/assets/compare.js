@@ -21,7 +21,7 @@ export const show = (body, app) => {
   return () => removeEventListener("message", pass);
 };
 
-// Pages that stand side by side tell one another their ranges and what they look at. They read what they are sent as numbers.
+// Two pages side by side send each other their ranges and views. They read all that they receive as numbers.
 const pass = ({ source, data }) => {
   const frames = [...document.querySelectorAll(".sides iframe.result")].map((frame) => frame.contentWindow);
   if (data?.twin && frames.includes(source)) frames.find((frame) => frame !== source)?.postMessage({ twin: data.twin }, "*");

@@ -54,8 +54,8 @@ export const figure = (value) => {
 
 export const bytes = (size) => (size < 1024 ? `${size} B` : size < 1 << 20 ? `${(size / 1024).toFixed(0)} KiB` : `${(size / (1 << 20)).toFixed(1)} MiB`);
 
-// Asks before something is replaced.
-export const asks = (question, yes, no = "Cancel") =>
+// Whether the user confirms, in a dialog, that something is replaced.
+export const confirmed = (question, yes, no = "Cancel") =>
   new Promise((answer) => {
     const dialog = h("dialog", { onclose: () => { dialog.remove(); answer(dialog.returnValue === "yes"); } },
       h("form", { method: "dialog" }, h("p", {}, question),
@@ -66,7 +66,7 @@ export const asks = (question, yes, no = "Cancel") =>
 
 const SEVERITIES = { error: "Error", warning: "Warning", note: "Note" };
 
-// What a run said, worst first; `go` leads to the place.
+// The messages of a run, most severe first; `go` leads to the place.
 export const messages = (all, go) => {
   const order = Object.keys(SEVERITIES);
   const listed = all.filter(({ severity }) => severity in SEVERITIES).toSorted((a, b) => order.indexOf(a.severity) - order.indexOf(b.severity));

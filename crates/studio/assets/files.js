@@ -1,6 +1,6 @@
 // The folder: what is in it, and how files get there.
 
-import { asks, button, bytes, h } from "./elements.js";
+import { confirmed, button, bytes, h } from "./elements.js";
 import { frame, write } from "./server.js";
 
 export const title = "Files";
@@ -46,7 +46,7 @@ const dropped = async (transfer) => {
   return found;
 };
 
-// Puts files into the folder; asks before one is replaced. What went wrong is shown in `faults`.
+// Puts files into the folder. The user must confirm before a file is replaced. Failures are shown in `faults`.
 const add = async (pairs, faults) => {
   const wrong = [];
   for (const [name, file] of pairs) {
@@ -56,7 +56,7 @@ const add = async (pairs, faults) => {
       await write(name, file, "new");
     } catch (error) {
       if (error.status !== 412) wrong.push(error.message);
-      else if (await asks(`${name} is in the folder already.`, "Replace it", "Keep the old one")) await write(name, file, "any");
+      else if (await confirmed(`${name} is in the folder already.`, "Replace it", "Keep the old one")) await write(name, file, "any");
     }
   }
   faults.replaceChildren(...wrong.map((message) => h("p", { className: "error" }, message)));

@@ -1,4 +1,4 @@
-// Calls to the server, and what it tells of runs.
+// Calls to the server, and the states of runs that it sends.
 
 import { h } from "./elements.js";
 
@@ -63,11 +63,11 @@ export const listen = (callback) => {
   listeners.add(callback);
   return () => listeners.delete(callback);
 };
-const tell = (job) => listeners.forEach((callback) => callback(job));
+const inform = (job) => listeners.forEach((callback) => callback(job));
 
 const take = (job) => {
   jobs.set(job.id, { ...jobs.get(job.id), ...job });
-  tell(jobs.get(job.id));
+  inform(jobs.get(job.id));
 };
 
 const hear = (event) => {
@@ -77,7 +77,7 @@ const hear = (event) => {
   if (!job) return undefined;
   if ("progress" in event.message) job.progress = event.message;
   else job.messages.push(event.message);
-  return tell(job);
+  return inform(job);
 };
 
 const reload = async () => (await get("/api/jobs")).jobs.forEach(take);

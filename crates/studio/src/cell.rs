@@ -799,7 +799,7 @@ units = "mm"  # << where the file does not say: mm | inch
     }
 
     #[test]
-    fn what_a_template_has_besides_is_offered_and_added() {
+    fn what_only_the_template_has_is_offered_and_added() {
         let text = "[robot]\nmodel = \"x\" # mine\n\n[tools.t]\nmass_kg = 1\n\n[[effect]]\nkind = \"a\"";
         let template = format!("{CELL}\n# [[effect]]\n# kind = \"b\"\n");
         let form = form_with(text, &template);

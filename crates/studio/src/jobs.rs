@@ -135,7 +135,7 @@ impl Jobs {
         let (cancel, cancelled) = oneshot::channel();
         inner.cancel.push((id, cancel));
         drop(inner);
-        self.tell(&json!({ "job": job }));
+        self.send(&json!({ "job": job }));
         let jobs = self.clone();
         tokio::spawn(async move { jobs.follow(id, child, cancelled).await });
         Ok(job)
@@ -158,7 +158,7 @@ impl Jobs {
         inner.cancel.swap_remove(at).1.send(()).is_ok()
     }
 
-    fn tell(&self, event: &Value) {
+    fn send(&self, event: &Value) {
         // Sending fails if no page is open, which is no error.
         let _ = self.events.send(event.to_string());
     }
@@ -216,7 +216,7 @@ impl Jobs {
                     job.messages.push(message.clone());
                 }
             }
-            self.tell(&json!({ "id": id, "message": message }));
+            self.send(&json!({ "id": id, "message": message }));
         }
     }
 
@@ -236,7 +236,7 @@ impl Jobs {
         };
         let event = json!({ "job": job });
         drop(inner);
-        self.tell(&event);
+        self.send(&event);
     }
 }
 

@@ -182,7 +182,7 @@ class Arm:
 
     @property
     def start(self):
-        """Where friction and play stand when the program begins: what came before, which no file tells."""
+        """Where friction and play stand when the program begins: what came before is in no file."""
         return np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0]), np.array([-1.0, 1.0, -1.0, 1.0, 1.0, -1.0])
 
     def warmth(self, times):

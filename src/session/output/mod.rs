@@ -283,7 +283,7 @@ impl Outputs {
 
 /// Writes to stdout. It is not an error if the reader has closed the pipe.
 pub(crate) fn print(bytes: &[u8]) -> Result<(), Vec<Diagnostic>> {
-    say(bytes).map_err(|error| cannot_write(Path::new("-"), &error))
+    write_to_stdout(bytes).map_err(|error| cannot_write(Path::new("-"), &error))
 }
 
 /// Whether a path stands for stdout.
@@ -353,7 +353,7 @@ fn copy_to_target(temporary: &Temporary, target: &Path) -> io::Result<()> {
     if stdout.is_terminal() {
         let mut bytes = Vec::new();
         from.read_to_end(&mut bytes)?;
-        return say(&bytes);
+        return write_to_stdout(&bytes);
     }
     match io::copy(&mut from, &mut stdout).and_then(|_| stdout.flush()) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error),
@@ -362,7 +362,7 @@ fn copy_to_target(temporary: &Temporary, target: &Path) -> io::Result<()> {
 }
 
 /// Writes to stdout. If it is a terminal, control characters are replaced.
-fn say(bytes: &[u8]) -> io::Result<()> {
+fn write_to_stdout(bytes: &[u8]) -> io::Result<()> {
     let mut stdout = io::stdout().lock();
     let written = if stdout.is_terminal() {
         stdout.write_all(printable(&String::from_utf8_lossy(bytes)).as_bytes())

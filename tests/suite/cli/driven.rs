@@ -106,7 +106,7 @@ fn arc(speed: &str, mode: &str) -> String {
 }
 
 #[test]
-fn logs_tell_how_the_tool_turns_on_arcs() {
+fn logs_show_how_the_tool_turns_on_arcs() {
     let bench = Bench::new();
     bench.write("cell.toml", CELL);
     for (mode, word) in [("PathFrame", "path"), ("ObjectFrame", "even"), ("CirPointOri", "circle_point")] {

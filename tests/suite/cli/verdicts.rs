@@ -128,7 +128,7 @@ fn a_raster_passes_and_its_jumps_are_reported() {
 
 /// Targets that two modules move to, and one that only declares.
 #[test]
-fn the_report_of_several_modules_tells_their_files() {
+fn the_report_of_several_modules_names_their_files() {
     let bench = Bench::new();
     std::fs::create_dir(bench.path("in")).unwrap();
     let (data, rest) = PROGRAM.split_once("  PROC main()").unwrap();

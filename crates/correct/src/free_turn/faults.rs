@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use std::f64::consts::PI;
 
 /// Additional distance from an axis limit that was exceeded, rad.
-const BESIDES: f64 = PI / 180.0;
+const SPARE: f64 = PI / 180.0;
 
 /// By how much the margin from a singular wrist grows, rad.
 const WIDER: f64 = 3.0 * PI / 180.0;
@@ -57,7 +57,7 @@ impl Path<'_> {
             for at in [fault.index - 1, fault.index] {
                 let clear = self.kept_clear.entry(at).or_default();
                 match fault.fault {
-                    WayFault::AxisLimit => clear.limits += (fault.value - fault.limit).abs().to_radians() + BESIDES,
+                    WayFault::AxisLimit => clear.limits += (fault.value - fault.limit).abs().to_radians() + SPARE,
                     WayFault::Singular | WayFault::Unreachable => clear.singular += WIDER,
                     WayFault::AxisSpeed if at == fault.index => {
                         clear.speed *= SLOWER * (fault.value / fault.limit).max(1.0)

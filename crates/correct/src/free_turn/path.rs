@@ -357,11 +357,11 @@ impl<'a> Path<'a> {
 
     /// Squared predicted errors (m²) of the states of some knots; infinite where there is no equilibrium.
     fn costs(&self, block: &[usize], standings: &[Standing]) -> Vec<Vec<f64>> {
-        let asked = block.iter().zip(standings).flat_map(|(&i, standing)| {
+        let states = block.iter().zip(standings).flat_map(|(&i, standing)| {
             standing.unique.iter().zip(&standing.moved).map(move |(state, moved)| (i, state, moved))
         });
         let (at, points): (Vec<usize>, Vec<Point>) =
-            asked.map(|(i, state, moved)| (i, self.turned(i, state.turn, (state.motor, moved.clone())))).unzip();
+            states.map(|(i, state, moved)| (i, self.turned(i, state.turn, (state.motor, moved.clone())))).unzip();
         let mut errors = self.squared_errors(&at, points).into_iter();
         let weighed = |i: usize, square: f64| match &self.sites[i] {
             site if site.unsolved.is_some() => 0.0,

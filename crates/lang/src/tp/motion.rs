@@ -465,7 +465,7 @@ mod tests {
     }
 
     #[test]
-    fn points_are_told_apart() {
+    fn points_are_distinguished() {
         let circle = read("C P[1:a] P[R[2]] 100mm/sec FINE");
         assert_eq!((circle.via, circle.end), (Some(Point::Position(b"1")), Point::Position(b"R[2]")));
         assert!(matches!(read("J PR[1] 100% FINE").end, Point::Register(b"1")));

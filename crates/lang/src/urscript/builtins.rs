@@ -9,7 +9,7 @@ pub(super) enum Builtin {
     /// Changes nothing on which a motion depends, and has no value.
     Quiet,
     /// Returns a value that is known only at run time.
-    Asks,
+    Reads,
     /// Returns a value of its arguments that is not computed here.
     Computes,
     PoseTrans,
@@ -40,7 +40,7 @@ pub(super) fn find(name: &[u8]) -> Option<u16> {
 }
 
 pub(super) fn of(number: u16) -> Builtin {
-    NAMES.get(usize::from(number)).map_or(Builtin::Asks, |(_, builtin)| *builtin)
+    NAMES.get(usize::from(number)).map_or(Builtin::Reads, |(_, builtin)| *builtin)
 }
 
 const NAMES: [(&str, Builtin); 25] = [
@@ -119,7 +119,7 @@ const NAMES: [(&str, Builtin); 25] = [
          tool_contact tool_contact_examples random time get_jerk_limits get_max_payload encoder_get_tick_count \
          encoder_unwind_delta_tick_count get_freedrive_status freedrive_mode_no_incorrect_payload_check \
          get_program_state is_protective_stopped get_robot_mode",
-        Builtin::Asks,
+        Builtin::Reads,
     ),
     (
         "interpolate_pose pose_dist pose_sub point_dist norm normalize dot cross inv transpose atan2 pow log \

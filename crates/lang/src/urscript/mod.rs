@@ -58,7 +58,7 @@ impl Dialect for UrScript {
         let given = |name: &str, at: usize| arguments.get(name, at);
         match builtins::of(builtin) {
             Builtin::Quiet => Content::Nothing.into(),
-            Builtin::Asks => unknown(Reason::Input),
+            Builtin::Reads => unknown(Reason::Input),
             Builtin::Computes => unknown(Reason::Computed),
             Builtin::PoseTrans => match (given("p_from", 0), given("p_from_to", 1)) {
                 (Some(from), Some(to)) => trans(from, to),

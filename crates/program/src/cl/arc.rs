@@ -79,9 +79,9 @@ impl Circle {
             Some(total)
         };
         // Points out of the plane of the start are those of a helix, or of something else.
-        let (Some(said), Some(other)) = (total(self), total(&self.reversed())) else { return Sense::Unknown };
+        let (Some(own), Some(other)) = (total(self), total(&self.reversed())) else { return Sense::Unknown };
         let one_turn = TAU + PRINTED;
-        match (said <= one_turn, other <= one_turn) {
+        match (own <= one_turn, other <= one_turn) {
             (true, _) => Sense::AsSaid,
             (false, true) => Sense::Reversed,
             (false, false) => Sense::Neither,

@@ -107,8 +107,8 @@ impl Reader {
             None => return Ok(false),
         };
         let other = self.hold(&tool);
-        let said = self.machine.waiting.iter().any(|(kind, _)| matches!(kind, ActionKind::ToolChange { .. }));
-        if other && !said {
+        let changes = self.machine.waiting.iter().any(|(kind, _)| matches!(kind, ActionKind::ToolChange { .. }));
+        if other && !changes {
             self.machine.wait(ActionKind::ToolChange { number: id }, record);
         }
         Ok(changed)

@@ -159,7 +159,7 @@ impl Reader {
         match arc.circle.sense(start, points) {
             Sense::AsSaid | Sense::Unknown => {}
             Sense::Reversed => {
-                self.say("cl.arc-sense", "the direction of arcs is taken from the points that follow them");
+                self.warn("cl.arc-sense", "the direction of arcs is taken from the points that follow them");
                 self.pending = Some(PendingArc { circle: arc.circle.reversed(), sense: Known::Stated, ..arc });
             }
             Sense::Neither => self.refuse(arc.record, Reason::ArcSense),

@@ -57,13 +57,13 @@ impl Reader {
         if begins(INSERT) {
             self.list(record, Reason::InsertUnwritten);
         } else if begins(MARK) {
-            let said: Vec<u8> = text[MARK.len()..]
+            let marked: Vec<u8> = text[MARK.len()..]
                 .iter()
                 .copied()
                 .skip_while(|b| matches!(b, b' ' | b'\t' | b'/' | b'\'' | b'"'))
                 .map(|b| b.to_ascii_uppercase())
                 .collect();
-            let mut words = said.split(|b| matches!(b, b' ' | b'\t' | b'\'' | b'"' | b',')).filter(|w| !w.is_empty());
+            let mut words = marked.split(|b| matches!(b, b' ' | b'\t' | b'\'' | b'"' | b',')).filter(|w| !w.is_empty());
             if words.next() == Some(b"DEFLEX") {
                 match words.next() {
                     Some(b"AIR") => self.modal.mark = Some(Mark::Air),

@@ -179,7 +179,7 @@ impl<'a> Writer<'a> {
             Some(Meaning::GoHome) if targets.is_empty() => self.rapid = false,
             Some(Meaning::Feed) => {
                 if let Some(feeds) = &mut self.feeds {
-                    feeds.say(self.bytes, record, statement);
+                    feeds.add(self.bytes, record, statement);
                 }
             }
             _ => {}

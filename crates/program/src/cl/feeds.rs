@@ -25,7 +25,7 @@ impl<'a> Feeds<'a> {
     }
 
     /// Adds a feed of the file.
-    pub(super) fn say(&mut self, bytes: &'a [u8], record: Record, statement: &Statement<'_>) {
+    pub(super) fn add(&mut self, bytes: &'a [u8], record: Record, statement: &Statement<'_>) {
         // A file with a feed that is not understood was refused before.
         if self.modal.read_feed(statement, self.mm_per_unit).is_err() {
             return;

@@ -141,25 +141,25 @@ impl Modal {
     /// `FEDRAT/`: value and unit in either order; without a unit, that of the last feed, or for each minute in the file's unit of length.
     pub(super) fn read_feed(&mut self, statement: &Statement, mm_per_unit: f64) -> Outcome {
         self.feed = Feed::Unknown;
-        let mut said = None;
+        let mut written = None;
         for word in statement.words().map(<[u8]>::to_ascii_uppercase) {
             let unit = feed_unit(&word, mm_per_unit);
             if matches!(word.as_slice(), b"INVERS" | b"INVERSE") {
                 return Err(Reason::InverseTime);
             }
-            if unit.is_none() || said.is_some() {
+            if unit.is_none() || written.is_some() {
                 return Err(Reason::FeedUnit);
             }
-            said = unit;
+            written = unit;
         }
         let [value] = statement.number_items().only().ok_or(Reason::NoFeed)?;
         let default = FeedUnit::PerMinute(mm_per_unit);
-        let unit = match (said, self.feed_unit) {
+        let unit = match (written, self.feed_unit) {
             (Some(unit), _) => unit,
             (None, Some(last)) if last != default => return Err(Reason::FeedUnitLost),
             (None, _) => default,
         };
-        self.feed_unit = said.or(self.feed_unit);
+        self.feed_unit = written.or(self.feed_unit);
         let feed = unit.feed(value);
         if !feed.is_positive() {
             return Err(Reason::NoFeed);

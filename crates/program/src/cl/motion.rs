@@ -153,7 +153,7 @@ impl Reader {
         let contact =
             matches!(self.dialect, Dialect::Catia | Dialect::Nx) && to_spindle > -LEANING || to_spindle > LEANING;
         if along || !contact {
-            self.say(
+            self.warn(
                 "cl.third-vector",
                 "the third vector of positions is taken as the forward direction where it is not a surface normal",
             );

@@ -52,7 +52,7 @@ pub(super) struct Reader {
     /// A position without a unit: the file cannot be read.
     pub(super) no_unit: Option<Span>,
     /// Warnings, code and message, each once.
-    pub(super) said: Vec<(&'static str, &'static str)>,
+    pub(super) warned: Vec<(&'static str, &'static str)>,
     /// Reasons why statements are kept, at the first of each, and how many there are.
     pub(super) reported: Vec<(Reason, Diagnostic, usize)>,
 }
@@ -76,7 +76,7 @@ impl Reader {
 
     /// Everything read since the last call, as the program of `source`, from whose bytes it was read.
     pub(super) fn program(&mut self, source: Source) -> Program {
-        self.tell_what_is_kept(&source);
+        self.report_kept(&source);
         let raised = |tool: &String| match self.options.point {
             Point::Tip => 0.0,
             Point::Centre => self.options.corner_radius_of(tool),
@@ -99,7 +99,7 @@ impl Reader {
     }
 
     /// Adds warnings for statements that have a meaning for a machine tool, one for each reason, at the first of them.
-    fn tell_what_is_kept(&mut self, source: &Source) {
+    fn report_kept(&mut self, source: &Source) {
         for kept in self.kept.iter().filter(|kept| !kept.fault) {
             match self.reported.iter_mut().find(|(reason, ..)| *reason == kept.reason) {
                 Some((.., count)) => *count += 1,
@@ -114,7 +114,7 @@ impl Reader {
 
     /// The warnings so far.
     pub(super) fn warnings(&self, name: &str) -> Vec<Diagnostic> {
-        let said = |&(code, message)| Diagnostic::error(code, name, message).severity(Severity::Warning);
+        let warning = |&(code, message)| Diagnostic::error(code, name, message).severity(Severity::Warning);
         let counted = |(_, first, count): &(Reason, Diagnostic, usize)| match count {
             1 => first.clone(),
             more => {
@@ -123,7 +123,7 @@ impl Reader {
                 all
             }
         };
-        self.said.iter().map(said).chain(self.reported.iter().map(counted)).collect()
+        self.warned.iter().map(warning).chain(self.reported.iter().map(counted)).collect()
     }
 
     /// Lists a statement that passes.
@@ -136,9 +136,10 @@ impl Reader {
         self.kept.push(kept(record, why, true));
     }
 
-    pub(super) fn say(&mut self, code: &'static str, message: &'static str) {
-        if self.said.iter().all(|(said, _)| *said != code) {
-            self.said.push((code, message));
+    /// Adds a warning, unless there is one with this code.
+    pub(super) fn warn(&mut self, code: &'static str, message: &'static str) {
+        if self.warned.iter().all(|(known, _)| *known != code) {
+            self.warned.push((code, message));
         }
     }
 

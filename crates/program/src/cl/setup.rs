@@ -115,13 +115,16 @@ impl Reader {
             if self.frame != before {
                 self.modal.position = None;
                 self.modal.from = None;
-                self.say(
+                self.warn(
                     "cl.several-frames",
                     "positions in several frames: all are taken into the first, the work object",
                 );
             }
         } else if !same_frame(&base, &frame) && self.dialect == Dialect::Creo {
-            self.say("cl.several-frames", "several CSYS: positions are taken as printed, in the operation's own frame");
+            self.warn(
+                "cl.several-frames",
+                "several CSYS: positions are taken as printed, in the operation's own frame",
+            );
         }
     }
 }

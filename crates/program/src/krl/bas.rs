@@ -20,7 +20,7 @@ impl<'a> Runner<'a> {
         self.pin(&value);
         match name {
             b"STOOL2" | b"STOOL" => {
-                self.tell_frames_elsewhere(&value);
+                self.report_frames_elsewhere(&value);
                 let number = value.component(b"TOOL_NO").cloned().unwrap_or(value);
                 self.table(b"TOOL_DATA", &number)
             }
@@ -157,21 +157,21 @@ impl<'a> Runner<'a> {
     pub(super) fn frames_of_act(&mut self) {
         let id = self.symbols.find(self.here(), &upper(b"FDAT_ACT"));
         let act = self.settled(id);
-        self.tell_frames_elsewhere(&act);
+        self.report_frames_elsewhere(&act);
         self.set_tool(&act.part(b"TOOL_NO"));
         self.set_base(&act.part(b"BASE_NO"));
         self.state.values.insert(MODE, act.part(b"IPO_FRAME"));
     }
 
     /// Notes once that no file has the numbers of tool and base. Those of `FHOME`, for example, are in `$config.dat`.
-    fn tell_frames_elsewhere(&mut self, act: &Value) {
+    fn report_frames_elsewhere(&mut self, act: &Value) {
         let undeclared = matches!(act, Value::Unknown(why, None) if *why == Reason::NameUndeclared);
         if undeclared {
             let source = &self.symbols.sources[self.here()];
             let message = "the numbers of tool and base of an inline form (FDAT, mostly FHOME) are in none of the files: both are unknown until they are set again";
             let note = Diagnostic::error("krl.frames-elsewhere", &source.name, message).severity(Severity::Note);
             let help = "give $config.dat of the controller (KRC/R1/System) with --context";
-            self.say(note.help(help), self.here(), None);
+            self.report(note.help(help), self.here(), None);
         }
     }
 

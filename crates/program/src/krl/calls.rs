@@ -242,7 +242,7 @@ impl<'a> Runner<'a> {
         let changed = self.add_system(name, starts, &mut changes);
         self.give_away(&arguments, changed);
         if changes.anything {
-            self.tell_unknown(name, call.rest);
+            self.report_unknown(name, call.rest);
         }
         self.forget(&changes, Reason::Foreign);
         let number = first.and_then(|value| value.number());
@@ -379,7 +379,7 @@ impl<'a> Runner<'a> {
         }
         let changes = self.changes_in(std::slice::from_ref(run));
         if changes.anything {
-            self.tell_started(run);
+            self.report_started(run);
         }
         self.state.loosen(self.changed_ids(&changes));
     }

@@ -297,7 +297,7 @@ impl<'a> Runner<'a> {
                 let is_followed = matches!(&run.kind, StatementKind::Call(call) if is_here(call));
                 if changes.anything && !is_followed {
                     self.frames.push(super::run::Frame::of_file(id.file));
-                    self.tell_started(run);
+                    self.report_started(run);
                     self.frames.pop();
                 }
                 self.volatile.extend(self.changed_ids(&changes));
@@ -337,7 +337,7 @@ impl<'a> Runner<'a> {
         for (handler, file, span) in handlers {
             let moves = |id: RoutineId| self.symbols.routine(id).statements().into_iter().any(Statement::is_motion);
             if self.called_from(handler).into_iter().chain([handler]).any(moves) {
-                self.tell_interrupt_that_moves(handler, file, span);
+                self.report_interrupt_that_moves(handler, file, span);
             }
         }
         for id in self.symbols.all() {
@@ -418,7 +418,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Notes that the motion after an interrupt begins where the interrupt's routine leaves the robot.
-    fn tell_interrupt_that_moves(&mut self, handler: RoutineId, file: usize, span: Span) {
+    fn report_interrupt_that_moves(&mut self, handler: RoutineId, file: usize, span: Span) {
         let name = &self.symbols.routine(handler).name;
         let message = format!(
             "`{}` moves the robot: after an interrupt, the next motion may begin at another place than the correction assumes",
@@ -427,7 +427,7 @@ impl<'a> Runner<'a> {
         let source = &self.symbols.sources[file];
         let note = Diagnostic::error("krl.interrupt-moves", &source.name, message).severity(Severity::Note);
         let help = "let it move back to $POS_INT before the program continues";
-        self.say(note.help(help), file, Some(span));
+        self.report(note.help(help), file, Some(span));
     }
 
     /// Marks the start values of all data that a routine names as not editable. Returns these data.

@@ -102,7 +102,7 @@ pub(super) struct Reader {
     /// Those that all lines name.
     named: Axes,
     /// Messages about the program as a whole, such as one about a tool without a load.
-    said: Vec<Diagnostic>,
+    messages: Vec<Diagnostic>,
 }
 
 pub(super) type Axes = [bool; EXTERNAL_AXES];
@@ -145,10 +145,10 @@ impl Reader {
         let (name, head, context) = (name.to_owned(), head.to_vec(), context.to_vec());
         let mut reader = Self { name, head, context, used: moving, ..Self::default() };
         let first = reader.read(&[line, END])?;
-        reader.said.clone_from(&first.diagnostics);
+        reader.messages.clone_from(&first.diagnostics);
         let mut program =
-            reader.program(&[END]).filter(|_| reader.said.iter().all(|diagnostic| diagnostic.line == 0))?;
-        program.diagnostics.clone_from(&reader.said);
+            reader.program(&[END]).filter(|_| reader.messages.iter().all(|diagnostic| diagnostic.line == 0))?;
+        program.diagnostics.clone_from(&reader.messages);
         (reader.motions, reader.targets) = (program.motion_targets(), program.targets.len());
         reader.literals = program.literal_targets;
         reader.used = std::array::from_fn(|axis| moving[axis] || used(&first)[axis]);
@@ -183,8 +183,8 @@ impl Reader {
     /// The program that consists of the head and these parts; `None` if anything in it is not known, or if it has messages that the
     /// program as a whole does not have.
     fn program(&self, parts: &[&[u8]]) -> Option<Program> {
-        let is_said = |diagnostic: &Diagnostic| self.said.contains(diagnostic);
-        self.read(parts).filter(|program| program.diagnostics.iter().all(is_said))
+        let is_of_program = |diagnostic: &Diagnostic| self.messages.contains(diagnostic);
+        self.read(parts).filter(|program| program.diagnostics.iter().all(is_of_program))
     }
 
     /// The program that consists of the head and these parts; `None` if anything in it is not known.

@@ -162,7 +162,7 @@ fn refuse(source: &Source) -> Option<Diagnostic> {
     Some(whole("krl.no-text", "the file is no text: expected KRL", at).help("save it from the controller as text"))
 }
 
-/// Who made it, as far as the text tells.
+/// The software that wrote the program, from marks in its text.
 fn dialect(sources: &[Source]) -> &'static str {
     const MAKERS: [(&[u8], &str); 8] = [
         (b"RoboDK", "robodk"),

@@ -76,7 +76,7 @@ impl Runner<'_> {
         self.motions += u32::from(self.is_recording);
         self.arcs += usize::from(self.is_recording && motion == Motion::Circular);
         if of.is_curve {
-            self.tell_curve(span);
+            self.report_curve(span);
         }
         // The position may call functions, which run before WITH.
         let via = of.via.as_ref().map(|via| self.expression(via));
@@ -365,7 +365,7 @@ impl Runner<'_> {
     /// `$ORI_TYPE` is #VAR. `$CIRC_MODE`, which refines it for SCIRC, must not be set. KUKA System Software, *Operating and Programming
     /// Instructions for System Integrators*, orientation control of CIRC and SCIRC.
     fn arc_turn(&self) -> Result<Option<ArcTurn>, Reason> {
-        if !matches!(self.settled(CIRCLE_MODE), Value::Record(said) if said.is_empty()) {
+        if !matches!(self.settled(CIRCLE_MODE), Value::Record(components) if components.is_empty()) {
             return Err(Reason::ArcModeSet);
         }
         match &[CIRCLE_TYPE, ORIENTATION].map(|id| self.settled(id)) {

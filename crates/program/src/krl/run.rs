@@ -126,7 +126,7 @@ pub(super) struct Runner<'a> {
     pub(super) unknown: Vec<UnknownMotion>,
     pub(super) kept: KeptStatements,
     /// Texts of the messages so far; each is given once.
-    said: BTreeSet<String>,
+    reported: BTreeSet<String>,
     pub(super) diagnostics: Vec<Diagnostic>,
 }
 
@@ -263,7 +263,7 @@ impl<'a> Runner<'a> {
     pub(super) fn give_up(&mut self, span: Span) -> Result<(), Stop> {
         let source = &self.symbols.sources[self.here()];
         let error = Diagnostic::error("krl.endless", &source.name, "deflex found no end of the program");
-        self.say(error.help("split it, or give loops bounds that end them"), self.here(), Some(span));
+        self.report(error.help("split it, or give loops bounds that end them"), self.here(), Some(span));
         Err(Stop::TooLong)
     }
 
@@ -291,36 +291,36 @@ impl<'a> Runner<'a> {
     }
 
     /// Adds a message at a place of a file, unless it was given already.
-    pub(super) fn say(&mut self, said: Diagnostic, file: usize, place: Option<Span>) {
-        if self.said.insert(said.message.clone()) {
+    pub(super) fn report(&mut self, message: Diagnostic, file: usize, place: Option<Span>) {
+        if self.reported.insert(message.message.clone()) {
             let source = &self.symbols.sources[file];
-            self.diagnostics.push(if let Some(span) = place { said.at(source, span) } else { said });
+            self.diagnostics.push(if let Some(span) = place { message.at(source, span) } else { message });
         }
     }
 
     /// Warns of a routine that is not in the files.
-    pub(super) fn tell_unknown(&mut self, name: &Name, span: Span) {
+    pub(super) fn report_unknown(&mut self, name: &Name, span: Span) {
         let source = &self.symbols.sources[self.here()];
         let message = format!("`{}` is not in the files: what it could change is unknown after it", decode(name));
         let warning = Diagnostic::error("krl.unknown-routine", &source.name, message).severity(Severity::Warning);
         let help = "give the file that has it with --context; or, where it changes neither frames nor positions, name it in \
                     `[controller] harmless` of the cell";
-        self.say(warning.help(help), self.here(), Some(span));
+        self.report(warning.help(help), self.here(), Some(span));
     }
 
     /// Warns of a routine that an interrupt or a TRIGGER starts, and that is not in the files.
-    pub(super) fn tell_started(&mut self, run: &Statement) {
+    pub(super) fn report_started(&mut self, run: &Statement) {
         let cursor = Cursor::new(self.bytes(self.here()), 0, run.at);
         let first = cursor.peek();
-        self.tell_unknown(&upper(cursor.text(first)), first.span());
+        self.report_unknown(&upper(cursor.text(first)), first.span());
     }
 
-    pub(super) fn tell_curve(&mut self, motion: Span) {
+    pub(super) fn report_curve(&mut self, motion: Span) {
         let source = &self.symbols.sources[self.here()];
         let span = Span { end: motion.start + 3, ..motion };
         let message = "the curve through SPL points is computed as straight lines: figures at the points are right, those between them only as far as the curve keeps to the lines";
         let note = Diagnostic::error("krl.spline", &source.name, message).severity(Severity::Note);
-        self.say(note.help("put SPL points close together, or use SLIN"), self.here(), Some(span));
+        self.report(note.help("put SPL points close together, or use SLIN"), self.here(), Some(span));
     }
 
     pub(super) fn simple(&mut self, statement: &'a Statement) -> Result<(), Stop> {

@@ -74,7 +74,7 @@ pub(super) fn system(name: &[u8]) -> Option<System> {
     DATA.iter().find(|(known, _)| known.as_bytes() == name).map(|(_, data)| System::Data(data))
 }
 
-/// What a routine that a program calls by this name may change, as far as the name tells.
+/// What a routine may change that a program calls by a name of the system.
 pub(crate) enum Called {
     Nothing,
     Data(&'static [&'static str]),

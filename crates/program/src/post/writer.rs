@@ -207,8 +207,8 @@ impl PostWriter {
         }
         text.instructions(point.lines.as_deref().unwrap_or_default());
         // Repeated in a part, so that each module is right by itself.
-        let said = place.before.as_ref().and_then(|before| before.mark).filter(|_| part.is_none());
-        if said != point.mark {
+        let marked = place.before.as_ref().and_then(|before| before.mark).filter(|_| part.is_none());
+        if marked != point.mark {
             point.mark.iter().for_each(|mark| text.line(&format!("    ! {}", mark.comment())));
         }
         let line = &mut text.bytes;

@@ -23,7 +23,7 @@ impl<'a> Runner<'a> {
         let (name, value, declared) = self.named(scope, argument);
         let data = value.tool();
         if declared && data.is_none() {
-            self.tell_frame(argument.span, "tool", &name, &value);
+            self.report_frame(argument.span, "tool", &name, &value);
             return Err(Reason::Tool);
         }
         if data.is_some_and(|data| !is_unit(data.tcp_quat)) {
@@ -63,7 +63,7 @@ impl<'a> Runner<'a> {
         };
         let data = value.wobj();
         if let Some(argument) = argument.filter(|_| declared && data.is_none()) {
-            self.tell_frame(argument.span, "work object", &name, &value);
+            self.report_frame(argument.span, "work object", &name, &value);
             return Err(Reason::WorkObject);
         }
         if data.as_ref().is_some_and(|data| !is_unit(data.uframe_quat) || !is_unit(data.oframe_quat)) {
@@ -102,7 +102,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Warns why a frame is unknown, once for each place.
-    pub(super) fn tell_frame(&mut self, argument: Span, what: &str, name: &str, value: &Value) {
+    pub(super) fn report_frame(&mut self, argument: Span, what: &str, name: &str, value: &Value) {
         let why = value.unknown().unwrap_or(Reason::NotANumberList);
         let message = format!("{what} `{name}` is known only at run time here: {why}");
         let place = (usize::from(self.scope().source), argument, "rapid.frame");

@@ -190,7 +190,7 @@ impl<'a> Runner<'a> {
             "which procedure is called here is known only at run time: deflex assumes that it is one of these: {}",
             names.join(", ")
         );
-        self.tell(span, "rapid.late-binding", &message, Severity::Warning);
+        self.report(span, "rapid.late-binding", &message, Severity::Warning);
         let failures = self.errors.failures;
         self.expression_may_fail();
         let is_skipped = self.skipped_since(failures);
@@ -219,7 +219,7 @@ impl<'a> Runner<'a> {
         self.keep_here(span, Reason::ProcedureChosen);
         self.reached.called_late.push(begins.to_ascii_uppercase().into());
         self.unknown_call(scope, &call.arguments);
-        self.tell(
+        self.report(
             span,
             "rapid.late-binding",
             "which procedure is called here is known only at run time: what it could change is not known after it",
@@ -256,17 +256,17 @@ impl<'a> Runner<'a> {
             self.keep_motion(span, Reason::GivenAway);
         }
         self.unknown_call(scope, &call.arguments);
-        self.tell_undeclared(scope, &bytes[call.name.range()], span);
+        self.report_undeclared(scope, &bytes[call.name.range()], span);
     }
 
     /// A function that is neither predefined nor in the files.
     pub(super) fn unknown_function(&mut self, scope: Scope, call: &'a Call) {
         self.unknown_call(scope, &call.arguments);
         let bytes = self.bytes(scope.source as usize);
-        self.tell_undeclared(scope, &bytes[call.name.range()], call.name);
+        self.report_undeclared(scope, &bytes[call.name.range()], call.name);
     }
 
-    fn tell_undeclared(&mut self, scope: Scope, name: &[u8], span: Span) {
+    fn report_undeclared(&mut self, scope: Scope, name: &[u8], span: Span) {
         let name = String::from_utf8_lossy(name).into_owned();
         let message = format!(
             "`{name}` is not in the files: what it could change (frames, tools, displacement, its arguments) is not known \
@@ -283,7 +283,7 @@ impl<'a> Runner<'a> {
         let warning = warning.severity(Severity::Warning).help(help);
         match by {
             Some(by) => self.messages.undeclared_aside.push((by, warning)),
-            None => self.messages.tell_once(warning),
+            None => self.messages.report_once(warning),
         }
     }
 

@@ -61,7 +61,7 @@ impl Runner<'_> {
 
     /// Warns of tools, work objects and lasting states that a motion uses as declared or as they are at the start, and that differ in the
     /// next cycle.
-    pub(super) fn tell_next_cycle(&mut self, main: RoutineId) {
+    pub(super) fn report_next_cycle(&mut self, main: RoutineId) {
         self.ends_cycle();
         let Begun { used, expected, left, left_data, .. } = std::mem::take(&mut self.begun);
         // Other messages report routines outside the files, which may set states too.
@@ -74,18 +74,18 @@ impl Runner<'_> {
                     "at the end of `main`, `{}` differs from the value that its first motions expect",
                     data.name
                 );
-                self.tell_cycle(usize::from(data.source), declared.statement, &message);
+                self.report_cycle(usize::from(data.source), declared.statement, &message);
             }
         }
         for name in set.common(expected).common(left).iter().filter_map(Lasting::what) {
             let message = format!("at the end of `main`, {name} may not be as its first motions expect");
-            self.tell_cycle(main.file, self.symbols.routine(main).name, &message);
+            self.report_cycle(main.file, self.symbols.routine(main).name, &message);
         }
     }
 
     /// Warns of data that a routine without a caller uses, and of lasting states, where another such routine changes them: the calls of
     /// both are not in the files, and their order decides.
-    pub(super) fn tell_other_entries(&mut self, id: RoutineId, entries: &[RoutineId]) {
+    pub(super) fn report_other_entries(&mut self, id: RoutineId, entries: &[RoutineId]) {
         let own = self.symbols.changed_by(id);
         let named = self.data_named_in(id);
         let mut changed: Vec<(String, RoutineId)> = Vec::new();
@@ -130,7 +130,7 @@ impl Runner<'_> {
         data
     }
 
-    fn tell_cycle(&mut self, source: usize, span: Span, message: &str) {
+    fn report_cycle(&mut self, source: usize, span: Span, message: &str) {
         let note = Diagnostic::error("rapid.next-cycle", "", message).at(&self.symbols.sources[source], span);
         let help = "set it before the first motion: otherwise the next cycle drives these motions to other places than the correction assumes";
         self.messages.diagnostics.push(note.severity(Severity::Note).help(help));

@@ -381,17 +381,17 @@ fn not_read(source: &Source, odd: &[(Span, Reason)]) -> Vec<Diagnostic> {
             None => reasons.push((*reason, *span, 1)),
         }
     }
-    let said = |(reason, first, count): (Reason, Span, usize)| {
+    let warning = |(reason, first, count): (Reason, Span, usize)| {
         let message = match count {
             1 => reason.to_string(),
             more => format!("{reason} ({more} statements)"),
         };
-        let warning = Diagnostic::error("rapid.not-read", &source.name, message).at(source, first);
-        warning.severity(Severity::Warning).help(
+        let message = Diagnostic::error("rapid.not-read", &source.name, message).at(source, first);
+        message.severity(Severity::Warning).help(
             "deflex does not see the motions in it, so it corrects none of them; a controller may refuse to load it",
         )
     };
-    reasons.into_iter().map(said).collect()
+    reasons.into_iter().map(warning).collect()
 }
 
 /// The reason for which a file as a whole is refused.

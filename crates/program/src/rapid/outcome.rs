@@ -37,8 +37,8 @@ impl Runner<'_> {
         }
         self.keep_what_is_refused();
         self.keep_what_is_not_run();
-        self.tell_traps_that_move();
-        self.tell_what_holds();
+        self.report_traps_that_move();
+        self.report_routines_that_keep_targets();
         let runs_elsewhere = self.starts_in(elsewhere.unknown.iter().chain(&elsewhere.aside));
         let layout = Layout {
             literals: Arc::new(self.numbers.literals),

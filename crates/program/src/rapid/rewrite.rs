@@ -261,7 +261,7 @@ impl Writer<'_> {
             if wish.is_some() {
                 users.push((Some(i), tokens[0], tokens));
             }
-            // A target that stays also asks for its numbers.
+            // A target that stays needs its numbers as they are.
             self.agree(&mut wishes, tokens[0], wish.unwrap_or_default());
         }
         for offset in &*self.layout.standing {
@@ -315,7 +315,7 @@ impl Writer<'_> {
         Some(std::array::from_fn(|k| New::of(self.bytes(tokens[k]), d[k], self.options.position_decimals).token))
     }
 
-    /// Adds the tokens for which one user of an offset asks; an offset on which its users disagree stays.
+    /// Adds the tokens that one user of an offset needs; an offset whose users need different tokens stays.
     fn agree(&mut self, wishes: &mut NewOffsets, place: SourceSpan, wish: [Option<Token>; 3]) {
         if !self.frozen.contains(&Number::Offset(place)) && *wishes.entry(place).or_insert_with(|| wish.clone()) != wish
         {

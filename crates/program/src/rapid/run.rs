@@ -43,7 +43,7 @@ impl<'a> Runner<'a> {
         self.begin_cycle();
         if let Some(main) = main {
             self.start(main);
-            self.tell_next_cycle(main);
+            self.report_next_cycle(main);
         }
         if self.counters.motions == 0 {
             let others: Vec<RoutineId> = self.uncalled(&procs).into_iter().filter(|id| Some(*id) != main).collect();
@@ -60,7 +60,7 @@ impl<'a> Runner<'a> {
                 let motions = self.counters.motions;
                 self.start(id);
                 if self.counters.motions > motions {
-                    self.tell_other_entries(id, &others);
+                    self.report_other_entries(id, &others);
                 }
                 if self.budget.is_spent() {
                     break;
@@ -177,10 +177,10 @@ impl<'a> Runner<'a> {
     }
 
     pub(super) fn note(&mut self, span: Span, code: &'static str, message: &str) {
-        self.tell(span, code, message, Severity::Note);
+        self.report(span, code, message, Severity::Note);
     }
 
-    pub(super) fn tell(&mut self, span: Span, code: &'static str, message: &str, severity: Severity) {
+    pub(super) fn report(&mut self, span: Span, code: &'static str, message: &str, severity: Severity) {
         let source = self.scope().source as usize;
         if self.is_real() && self.messages.reported.insert((source, span, code)) {
             let diagnostic = Diagnostic::error(code, "", message).at(&self.symbols.sources[source], span);

@@ -288,7 +288,7 @@ pub(super) struct Messages {
 
 impl Messages {
     /// Reports what no other message says.
-    pub(super) fn tell_once(&mut self, new: Diagnostic) {
+    pub(super) fn report_once(&mut self, new: Diagnostic) {
         if !self.diagnostics.iter().any(|other| other.code == new.code && other.message == new.message) {
             self.diagnostics.push(new);
         }

@@ -469,7 +469,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Names the routines that nothing calls and because of which alone targets are kept, and what these call that is in no file.
-    pub(super) fn tell_what_holds(&mut self) {
+    pub(super) fn report_routines_that_keep_targets(&mut self) {
         let mut kept: BTreeMap<RoutineId, BTreeSet<(u16, u32)>> = BTreeMap::new();
         let (targets, sites) = (&self.found.targets, &self.found.sites);
         let refused = |target: &Target, site: &TargetInText| match target.editable {
@@ -512,12 +512,12 @@ impl<'a> Runner<'a> {
             let unknown = std::mem::take(&mut self.messages.undeclared_aside);
             let (own, others) = unknown.into_iter().partition(|(by, _)| *by == id);
             self.messages.undeclared_aside = others;
-            own.into_iter().for_each(|(_, undeclared)| self.messages.tell_once(undeclared));
+            own.into_iter().for_each(|(_, undeclared)| self.messages.report_once(undeclared));
         }
     }
 
     /// Reports traps that move the robot: after such a trap, the next motion begins where the trap ends.
-    pub(super) fn tell_traps_that_move(&mut self) {
+    pub(super) fn report_traps_that_move(&mut self) {
         let is_trap = |id: &RoutineId| self.symbols.routine(*id).kind == RoutineKind::Trap;
         for id in self.symbols.all().filter(is_trap).collect::<Vec<_>>() {
             let moves = |id: RoutineId| {
@@ -563,7 +563,7 @@ impl<'a> Runner<'a> {
     }
 
     /// Names the routines that nothing calls and that run routines of the program with targets of their own.
-    fn tell_what_runs_with_others(&mut self) {
+    fn report_routines_that_run_others(&mut self) {
         let roots: HashSet<u32> = self.found.sites.iter().filter_map(|site| self.found.root(site)).collect();
         for (id, mut motions_of) in std::mem::take(&mut self.reached.called_aside) {
             motions_of.retain(|motion| motion.root.is_some_and(|root| !roots.contains(&root)));
@@ -592,7 +592,7 @@ impl<'a> Runner<'a> {
         let [mut moving, staying] =
             [moving, staying].map(|uses| uses.iter().map(|other| other.statement).collect::<HashSet<_>>());
         moving.retain(|statement| !staying.contains(statement));
-        self.tell_what_runs_with_others();
+        self.report_routines_that_run_others();
         for id in self.symbols.all().filter(|id| id.file < self.written).collect::<Vec<_>>() {
             let routine = self.symbols.routine(id);
             let entered = self.reached.entered.contains(&id);

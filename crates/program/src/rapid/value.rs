@@ -7,7 +7,7 @@ use deflex_text::Span;
 use std::rc::Rc;
 
 /// Largest deviation of |q|² from 1 that counts as rounding of the printed text: a length of 1 ± 0.001. ABB's page on `orient`
-/// asks for a sum of squares of 1; with three decimals, the fewest that posts print, it stays within this.
+/// requires a sum of squares of 1; with three decimals, the fewest that posts print, it stays within this.
 pub(super) const MAX_NORM_ERROR: f64 = 2e-3;
 
 #[derive(Clone, Debug)]
@@ -227,8 +227,8 @@ impl Value {
         }
     }
 
-    /// The value that an earlier cycle left in place of this one: unknown, but for tools and work objects, of which a note tells where
-    /// they differ.
+    /// The value that an earlier cycle left in place of this one: unknown, except for tools and work objects, for which a
+    /// note names where they differ.
     pub(super) fn left(&self, why: Reason) -> Self {
         match self {
             Value::Unknown(_) => self.clone(),

@@ -4,7 +4,7 @@ use deflex_text::Source;
 use std::ops::Range;
 
 /// Number of bytes after the attributes that are searched, because generators name themselves in the first remark.
-const BEHIND: usize = 1024;
+const SEARCHED: usize = 1024;
 
 /// Texts in lower case and the software that they identify; the first one that is found counts.
 const SIGNS: [(&str, &str); 10] = [
@@ -22,7 +22,7 @@ const SIGNS: [(&str, &str); 10] = [
 
 /// The software that wrote a program: `fanuc` if it has the attributes that a controller prints, `ls` if it is unknown.
 pub(super) fn of(source: &Source, head: Range<usize>) -> &'static str {
-    let end = source.bytes.len().min(head.end + BEHIND);
+    let end = source.bytes.len().min(head.end + SEARCHED);
     let text = source.bytes[head.start.min(end)..end].to_ascii_lowercase();
     let contains = |sign: &str| memchr::memmem::find(&text, sign.as_bytes()).is_some();
     match SIGNS.iter().find(|(sign, _)| contains(sign)) {

@@ -60,7 +60,7 @@ impl<'a> Builder<'a> {
         }
         self.hold_what_others_use(outcome);
         self.keep_halves_of_arcs();
-        self.say_what_is_kept(outcome);
+        self.report_kept(outcome);
         self.built
     }
 
@@ -319,7 +319,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn say_what_is_kept(&mut self, outcome: &Outcome) {
+    fn report_kept(&mut self, outcome: &Outcome) {
         let spans: BTreeMap<_, _> = self.code.lines.iter().enumerate().map(|(at, line)| (line.span, at)).collect();
         let kept: BTreeSet<_> = self
             .built

@@ -145,7 +145,7 @@ fn arcs_have_a_via_and_splines_their_points() {
     assert_eq!(p.targets[1].role, Role::Via);
     assert_eq!((p.targets[2].motion, p.arcs, p.targets.len()), (Motion::Circular, 2, 4));
     assert_eq!(p.targets[3].feed_mm_s, Some(500.0));
-    assert_eq!(p.diagnostics.iter().filter(|told| told.code == "krl.spline").count(), 1);
+    assert_eq!(p.diagnostics.iter().filter(|diagnostic| diagnostic.code == "krl.spline").count(), 1);
     assert_eq!(reasons(&p), [Reason::CircleWithAngle]);
     assert_eq!(moved(&p, 0.5)[0].matches(".500").count(), 12);
 }
@@ -493,17 +493,17 @@ fn interrupts_and_triggers_change_at_any_moment_what_they_change() {
 }
 
 #[test]
-fn an_interrupt_that_moves_is_told() {
+fn an_interrupt_that_moves_is_reported() {
     let line = "LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}";
-    let told = |handlers: &str| {
+    let warnings = |handlers: &str| {
         let p = program(&format!("INTERRUPT DECL 5 WHEN $IN[1] DO isr()\n{line}\nEND\n{handlers}"));
-        p.diagnostics.iter().filter(|told| told.code == "krl.interrupt-moves").count()
+        p.diagnostics.iter().filter(|diagnostic| diagnostic.code == "krl.interrupt-moves").count()
     };
-    assert_eq!(told("DEF isr()\nBRAKE\nHALT"), 0);
-    assert_eq!(told(&format!("DEF isr()\nBRAKE\n{line}\nPTP $POS_INT")), 1);
-    assert_eq!(told("DEF isr()\naway()\nEND\nDEF away()\nLIN_REL {Z 50.0}"), 1, "what it calls moves");
+    assert_eq!(warnings("DEF isr()\nBRAKE\nHALT"), 0);
+    assert_eq!(warnings(&format!("DEF isr()\nBRAKE\n{line}\nPTP $POS_INT")), 1);
+    assert_eq!(warnings("DEF isr()\naway()\nEND\nDEF away()\nLIN_REL {Z 50.0}"), 1, "what it calls moves");
     let twice = format!("DEF isr()\n{line}\nEND\nDEF other()\nINTERRUPT DECL 6 WHEN $IN[2] DO isr()");
-    assert_eq!(told(&twice), 1, "once");
+    assert_eq!(warnings(&twice), 1, "once");
 }
 
 #[test]
@@ -568,8 +568,8 @@ fn a_routine_that_is_in_no_file_may_change_the_tables_of_frames() {
         "another"
     );
     for call in ["other()", "INTERRUPT DECL 4 WHEN $IN[1] DO other()"] {
-        let told = program(call).diagnostics.remove(0);
-        assert!(told.message.starts_with("`OTHER` is not in the files") && told.line == 2, "{told:?}");
+        let warning = program(call).diagnostics.remove(0);
+        assert!(warning.message.starts_with("`OTHER` is not in the files") && warning.line == 2, "{warning:?}");
     }
     let p = program("other()");
     assert!(p.diagnostics[0].help.as_ref().is_some_and(|help| help.contains("[controller] harmless")));
@@ -670,13 +670,13 @@ fn positions_that_no_controller_loads_are_faults() {
 }
 
 #[test]
-fn what_the_configuration_declares_is_asked_for() {
+fn frames_of_a_missing_configuration_are_reported() {
     let src = format!(
         "DEF a()\nFDAT_ACT=FHOME\nBAS(#PTP_PARAMS,100)\nPTP XHOME\nSPTP XHOME WITH $TOOL=STOOL2(FHOME)\nLIN {POINT}\nEND\n"
     );
     let p = program_of(&[("a.src", &src)], &[]);
-    let told: Vec<&str> = p.diagnostics.iter().map(|told| told.code).collect();
-    assert_eq!((told, editable(&p).len()), (vec!["krl.frames-elsewhere"], 0));
+    let codes: Vec<&str> = p.diagnostics.iter().map(|diagnostic| diagnostic.code).collect();
+    assert_eq!((codes, editable(&p).len()), (vec!["krl.frames-elsewhere"], 0));
     let config = "DEFDAT $CONFIG\nDECL FDAT FHOME={TOOL_NO 2,BASE_NO 1,IPO_FRAME #BASE}\nE6AXIS XHOME={A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}\nENDDAT\n";
     let p = program_of(&[("a.src", &src)], &[("$config.dat", config)]);
     assert_eq!((&p.diagnostics[..], editable(&p)), (&[][..], vec!['-', '-', 'P']));

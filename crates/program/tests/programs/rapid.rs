@@ -454,7 +454,7 @@ fn no_clone_replaces_a_parameter() {
 }
 
 #[test]
-fn clones_stand_beside_their_declaration() {
+fn clones_follow_their_declaration() {
     let text = format!(
         "MODULE M\n{TOOLS}PROC main()\nCONST robtarget p1:={};\nMoveL p1,v50,fine,tA;\nMoveL p1,v50,fine,tB;\nENDPROC\nENDMODULE\n",
         robtarget(1.0)
@@ -1149,7 +1149,7 @@ fn joint_motions_in_routines_without_a_caller_go_along() {
 
 /// A target that is known and stays, and a work object of which only another module can say more.
 #[test]
-fn reasons_tell_known_values_from_unknown_ones() {
+fn reasons_distinguish_known_values_from_unknown_ones() {
     let kept = |body: &str| {
         program(&with_copies(body, "PERS robtarget pKept:=[[1,2,3],[1,0,0,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];"))
     };

@@ -9,7 +9,7 @@ const MOST_TEXT: usize = 80;
 
 /// Whether two numbers compare in the controller's single precision as they do here: they are identical, or clearly apart.
 #[allow(clippy::float_cmp)] // the very number
-fn can_be_told_apart(a: f64, b: f64) -> bool {
+fn can_be_distinguished(a: f64, b: f64) -> bool {
     /// A few roundings of single precision.
     const NEAR: f64 = 16.0 * f32::EPSILON as f64;
     a == b || (a - b).abs() > NEAR * a.abs().max(b.abs())
@@ -19,7 +19,7 @@ fn can_be_told_apart(a: f64, b: f64) -> bool {
 #[allow(clippy::float_cmp)] // RAPID's own comparison
 pub(in super::super) fn equal(left: &Value, right: &Value) -> Option<bool> {
     match (left, right) {
-        (Value::Num(a, _), Value::Num(b, _)) => can_be_told_apart(*a, *b).then_some(*a == *b),
+        (Value::Num(a, _), Value::Num(b, _)) => can_be_distinguished(*a, *b).then_some(*a == *b),
         (Value::Bool(a), Value::Bool(b)) => Some(a == b),
         (Value::Text(a), Value::Text(b)) => Some(a == b),
         _ => None,
@@ -72,7 +72,7 @@ pub(super) fn apply(operator: Binary, left: &Value, right: &Value) -> Value {
 #[allow(clippy::float_cmp)] // RAPID's own comparison
 fn number_operation(operator: Binary, a: f64, b: f64) -> Option<Value> {
     let number = |v: f64| v.is_finite().then_some(Value::Num(v, None));
-    let truth = |holds: bool| can_be_told_apart(a, b).then_some(Value::Bool(holds));
+    let truth = |holds: bool| can_be_distinguished(a, b).then_some(Value::Bool(holds));
     match operator {
         Binary::Add => number(a + b),
         Binary::Subtract => number(a - b),

@@ -144,7 +144,7 @@ class PathPage {
       hover: (i, x, y) => this.hover(i, x, y),
       choose: (i) => this.choose(i),
       step: (by) => this.choose(Math.max(0, Math.min(this.path.length - 1, this.chosen + by))),
-      look: () => this.twin.tell(),
+      look: () => this.twin.sendView(),
     });
     this.twin = new Twin({
       ranges: () => rangesOf(this.path, this.ownBox),
@@ -290,15 +290,15 @@ class PathPage {
     if (!path.length) return;
     this.player.follow(i);
     this.stand(i);
-    this.tell(i);
+    this.showFigures(i);
   }
 
   // The figures of a target, its place in the charts, and its line for a window that shows this page in a frame.
-  tell(i) {
+  showFigures(i) {
     const { path } = this;
     this.chosen = i;
     this.charts.mark(i);
-    this.twin.tell();
+    this.twin.sendView();
     if (parent !== window && path.has("line")) parent.postMessage({ line: path.column("line").raw[i] }, "*");
     const name = path.name(i) ? ` ${path.name(i)}` : "";
     byId("chosen").textContent = `Target ${path.column("target").raw[i]}${name}`;
@@ -346,7 +346,7 @@ class PathPage {
     const i = Math.round(place);
     if (i === this.chosen || performance.now() < this.next) return;
     this.next = performance.now() + BETWEEN_FIGURES;
-    this.tell(i);
+    this.showFigures(i);
   }
 
   // The surroundings of the path at places all along it.

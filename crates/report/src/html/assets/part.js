@@ -187,7 +187,7 @@ if (canvases.length && data.points) {
     context.fillText(`${sizes.join(" × ")} mm`, width - 10, 18);
     context.textAlign = "start";
   };
-  const tell = (which, i) => {
+  const showDeviation = (which, i) => {
     const value = maps[which].values[i];
     const at = [0, 1, 2].map((k) => (points[3 * i + k] / 1e3).toFixed(2)).join(", ");
     there.textContent = `(${at}) mm: ${value === null ? "not cut" : `${(value / 1e4).toFixed(4)} mm`}`;
@@ -217,7 +217,7 @@ if (canvases.length && data.points) {
         const far = Math.hypot(seen[3 * i] - event.clientX + box.left, seen[3 * i + 1] - event.clientY + box.top);
         if (far < 8 && (best === null || seen[3 * i + 2] < seen[3 * best + 2])) best = i;
       }
-      if (best !== null) tell(which, best);
+      if (best !== null) showDeviation(which, best);
     });
     canvas.addEventListener("keydown", (event) => {
       const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[event.key];
@@ -244,7 +244,7 @@ if (canvases.length && data.points) {
   document.getElementById("worst").addEventListener("click", () => {
     const which = maps.length - 1;
     if (worst[which] < 0) return;
-    tell(which, worst[which]);
+    showDeviation(which, worst[which]);
     const canvas = canvases[which];
     view.x += canvas.clientWidth / 2 - seen[3 * worst[which]];
     view.y += canvas.clientHeight / 2 - seen[3 * worst[which] + 1];

@@ -39,10 +39,10 @@ class Player {
   follow(i) {
     if (this.root.hidden) return;
     this.place = i;
-    this.tell();
+    this.showState();
   }
 
-  tell() {
+  showState() {
     const i = Math.round(this.place);
     this.slider.value = i;
     this.slider.setAttribute("aria-valuetext", `target ${this.path.column("target").raw[i]} of ${this.path.count}`);
@@ -63,14 +63,14 @@ class Player {
     this.isPlaying = true;
     this.before = null;
     this.frame = requestAnimationFrame((now) => this.step(now));
-    this.tell();
+    this.showState();
   }
 
   stop() {
     if (!this.isPlaying) return;
     this.isPlaying = false;
     cancelAnimationFrame(this.frame);
-    this.tell();
+    this.showState();
     this.on.rest(Math.round(this.place));
   }
 
@@ -84,7 +84,7 @@ class Player {
     // Moves in steps of at least one target.
     this.place = this.reduced.matches ? Math.min(this.path.length - 1, Math.max(Math.floor(this.place) + 1, Math.round(place))) : place;
     if (this.place >= this.path.length - 1) return this.stop();
-    this.tell();
+    this.showState();
     this.on.move(this.place);
   }
 

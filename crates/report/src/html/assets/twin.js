@@ -64,7 +64,7 @@ class Twin {
   }
 
   // Sends the view of this page, if it has changed.
-  tell() {
+  sendView() {
     if (!this.otherBox || this.isFollowing) return;
     const look = this.on.own();
     const text = JSON.stringify(look);
