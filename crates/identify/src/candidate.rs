@@ -1,7 +1,7 @@
 //! Candidates: effects and patterns that a set can have, with their numbers and their prior.
 
 use super::columns::Smoothness;
-use super::pattern::{Pattern, Standing};
+use super::pattern::{Consequence, Pattern};
 use super::smooth::Curve;
 use deflex_effects::Shape as Follows;
 use deflex_effects::{Effect, Kind, Part, kind};
@@ -152,9 +152,9 @@ impl Candidate {
     }
 
     /// The consequence of a pattern in the chosen set; `None` for effects.
-    pub(super) fn standing(&self) -> Option<Standing> {
+    pub(super) fn consequence(&self) -> Option<Consequence> {
         match self.home {
-            Home::Pattern(pattern) => Some(pattern.standing()),
+            Home::Pattern(pattern) => Some(pattern.consequence()),
             Home::Declared(_) | Home::New(_) => None,
         }
     }
@@ -169,12 +169,12 @@ impl Candidate {
 
     /// Whether it can imitate many other effects: an unlisted pattern or a curve.
     pub(super) fn is_flexible(&self) -> bool {
-        self.standing() == Some(Standing::Unlisted) || self.law().is_some_and(|law| law.shape == Follows::Curve)
+        self.consequence() == Some(Consequence::Unlisted) || self.law().is_some_and(|law| law.shape == Follows::Curve)
     }
 
     /// Whether it has a name in the answer: an effect, or a fault of the measurement.
     pub(super) fn is_named(&self) -> bool {
-        matches!(self.standing(), None | Some(Standing::Fault))
+        matches!(self.consequence(), None | Some(Consequence::Fault))
     }
 
     /// The columns of a pattern with its present numbers, in typical sizes.

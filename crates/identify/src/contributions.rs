@@ -6,7 +6,7 @@ use super::decisions::{EVEN, MENTIONED, NAMED};
 use super::engine::Engine;
 use super::found::{MAP, Posterior};
 use super::outcome::{Added, Advice, FittedParameter, InModel};
-use super::pattern::Standing;
+use super::pattern::Consequence;
 use super::search::Search;
 use deflex_cell::{NewEffect, Uncertainty};
 use deflex_effects::{Shape, kind};
@@ -96,7 +96,7 @@ impl Engine {
         with_all_mm: f64,
     ) -> Vec<Explained> {
         let held_out = |row: &Observation| row.held_out;
-        let clampings = self.shifted_by(|pattern| pattern.standing() == Standing::Nuisance);
+        let clampings = self.shifted_by(|pattern| pattern.consequence() == Consequence::Nuisance);
         let mut all = Vec::new();
         for (n, &c) in self.chosen.iter().enumerate() {
             if !posteriors.iter().any(|(p, _)| *p == c) {

@@ -13,7 +13,7 @@ use super::noise;
 use super::outcome::{
     Added, Advice, Correlate, Coverage, Errors, FittedParameter, Identification, Ranked, ResidualRow, Unexplained,
 };
-use super::pattern::{Pattern, Standing, TYPICAL_MM};
+use super::pattern::{Consequence, Pattern, TYPICAL_MM};
 use super::returns::never_returns;
 use super::score::posterior;
 use super::search::Search;
@@ -234,14 +234,14 @@ impl Engine {
             let at = first;
             first += self.candidates[c].values.len();
             let Home::Pattern(pattern) = self.candidates[c].home else { continue };
-            if pattern.standing() == Standing::Nuisance {
+            if pattern.consequence() == Consequence::Nuisance {
                 continue;
             }
             let candidate = &self.candidates[c];
             let mut part = DVector::zeros(self.problem.scalars);
             linear.design.add(candidate.pattern_numbers(), &mut part);
             let share = (part.dot(left) / (part.norm() * left.norm()).max(1e-12)).clamp(-1.0, 1.0);
-            let fault = (pattern.standing() == Standing::Fault).then(|| pattern.name());
+            let fault = (pattern.consequence() == Consequence::Fault).then(|| pattern.name());
             let parameters = match pattern {
                 Pattern::Jump { .. } => self.slipped(candidate, at),
                 _ => Vec::new(),

@@ -9,7 +9,7 @@ use super::decisions::{FAULT_GAIN, MATERIAL};
 use super::engine::Engine;
 use super::found::LeavingOut;
 use super::noise::Shape;
-use super::pattern::Standing;
+use super::pattern::Consequence;
 use super::search::Search;
 
 /// Number of faults that are fitted together with all members. On five cells of another plant with a turned or swapped
@@ -27,7 +27,7 @@ impl Engine {
         let is_open = |c: &usize| {
             let candidate = &self.candidates[*c];
             let differs = |&m: &usize| self.candidates[m].family != candidate.family;
-            candidate.standing() == Some(Standing::Fault) && members.iter().all(differs)
+            candidate.consequence() == Some(Consequence::Fault) && members.iter().all(differs)
         };
         let faults: Vec<usize> = (0..self.candidates.len()).filter(is_open).collect();
         // With the right fault, the discrepancy that stood for it is no longer needed.

@@ -10,7 +10,7 @@ use super::engine::{Engine, stacked};
 use super::found::{Linearised, Posterior};
 use super::moments::Moments;
 use super::noise;
-use super::pattern::{self, Pattern, Standing};
+use super::pattern::{self, Consequence, Pattern};
 use super::score::score;
 use super::search::Search;
 use super::statistics::{TO_SIGMA, median};
@@ -171,13 +171,13 @@ impl Engine {
 
     /// The residual of the extended cell without the fitted clampings of the runs, mm.
     pub(super) fn left_by_cell(&self) -> DVector<f64> {
-        self.residual() - self.shifted_by(|pattern| pattern.standing() == Standing::Nuisance)
+        self.residual() - self.shifted_by(|pattern| pattern.consequence() == Consequence::Nuisance)
     }
 
     /// The residual of the declared cell without the clampings that were fitted with the extended cell, mm, so that
     /// neither error contains the position of the clamped parts.
     pub(super) fn left_by_declared_as_found(&self, before: &DVector<f64>) -> DVector<f64> {
-        before - self.shifted_by(|pattern| pattern.standing() == Standing::Nuisance)
+        before - self.shifted_by(|pattern| pattern.consequence() == Consequence::Nuisance)
     }
 
     /// Widens the rows with large residuals if Student's t describes the residuals better than the normal distribution,
@@ -225,13 +225,13 @@ impl Engine {
         !self.is_whole_arm()
             && (self.shape.field.is_some()
                 || self.shape.drift > MOST_WANDER
-                || self.has_chosen(Standing::Unlisted)
+                || self.has_chosen(Consequence::Unlisted)
                 || self.scatters_more())
     }
 
-    /// Whether a chosen pattern has this standing.
-    fn has_chosen(&self, standing: Standing) -> bool {
-        self.chosen.iter().any(|&c| self.candidates[c].standing() == Some(standing))
+    /// Whether a chosen pattern has this consequence.
+    fn has_chosen(&self, consequence: Consequence) -> bool {
+        self.chosen.iter().any(|&c| self.candidates[c].consequence() == Some(consequence))
     }
 
     /// Whether the variance of the noise with the drift exceeds the variance that the table declares by more than the

@@ -13,7 +13,7 @@ use super::decisions::{MATERIAL, NAMED};
 use super::engine::Engine;
 use super::found::{LeavingOut, Map, Posterior};
 use super::noise::{self, Field, Over, Places, Sample, Series, whiten};
-use super::pattern::Standing;
+use super::pattern::Consequence;
 use super::reading::Reading;
 use super::statistics::in_standard_errors;
 use super::whole_arm::VARIANCES;
@@ -190,7 +190,7 @@ impl Engine {
     /// the numbers leave, so that near the measured rows it makes up for an error of a number.
     fn response(&mut self, residuals: &Residuals, process: &Process) -> Option<DMatrix<f64>> {
         let design = self.linearise(&self.chosen.clone(), &[]).design;
-        let in_residual = |&&c: &&usize| self.candidates[c].standing() != Some(Standing::Unlisted);
+        let in_residual = |&&c: &&usize| self.candidates[c].consequence() != Some(Consequence::Unlisted);
         let columns = self.chosen.iter().flat_map(|c| {
             let numbers = self.candidates[*c].columns();
             numbers.map(move |column| (column, in_residual(&c)))
@@ -234,7 +234,7 @@ impl Engine {
     /// The residuals of the fitted rows without the chosen effects, clampings and faults, and whether all rows are
     /// whole positions; `None` if lengths were measured, or if the robot itself probed all rows.
     fn residuals(&self) -> Option<(Vec<Scalar>, bool)> {
-        let residual = self.residual() - self.shifted_by(|pattern| pattern.standing() != Standing::Unlisted);
+        let residual = self.residual() - self.shifted_by(|pattern| pattern.consequence() != Consequence::Unlisted);
         // Rows that the robot itself probed are left out: their residual depends on two places and postures.
         let fitted = |row: &&Observation| !row.held_out && !row.outlier && row.probing.is_none();
         let rows: Vec<&Observation> = self.problem.rows.iter().filter(fitted).collect();

@@ -54,7 +54,7 @@ pub(super) enum Slips {
 
 /// The consequence of a pattern in the chosen set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Standing {
+pub(super) enum Consequence {
     /// The pattern is always expected, and is subtracted before errors are computed.
     Nuisance,
     /// The measurement has the fault that the pattern names.
@@ -112,13 +112,13 @@ const CROSSTALK: f64 = 0.15;
 
 impl Pattern {
     /// The consequence of the pattern in the chosen set.
-    pub(super) fn standing(self) -> Standing {
+    pub(super) fn consequence(self) -> Consequence {
         match self {
-            Self::Clamping => Standing::Nuisance,
+            Self::Clamping => Consequence::Nuisance,
             Self::Drift { .. } | Self::Jump { .. } | Self::MixedForce(_) | Self::Crosstalk | Self::LateForce(_) => {
-                Standing::Fault
+                Consequence::Fault
             }
-            Self::Joint(_) | Self::Time | Self::Force | Self::Direction => Standing::Unlisted,
+            Self::Joint(_) | Self::Time | Self::Force | Self::Direction => Consequence::Unlisted,
         }
     }
 

@@ -9,7 +9,7 @@ use super::candidate::{Candidate, SPRING};
 use super::columns::Columns;
 use super::decisions::{FLEXIBLE, MOVED, PRICE, UNLISTED, caution};
 use super::moments::Moments;
-use super::pattern::Standing;
+use super::pattern::Consequence;
 use super::profile::Profile;
 use super::score::{Score, score};
 use std::cell::RefCell;
@@ -187,15 +187,15 @@ impl<'a> Search<'a> {
     /// imitate others.
     pub(super) fn price(&self, c: usize) -> f64 {
         let candidate = &self.candidates[c];
-        let price = match candidate.standing() {
-            Some(Standing::Unlisted) => UNLISTED,
+        let price = match candidate.consequence() {
+            Some(Consequence::Unlisted) => UNLISTED,
             // Every run has a clamping of its own, so that it is not a discovery.
-            Some(Standing::Nuisance) => 0.0,
+            Some(Consequence::Nuisance) => 0.0,
             _ if candidate.known.is_some() => MOVED,
             _ => PRICE,
         };
         // The price of unlisted patterns already accounts for their flexibility.
-        let pays_flexibility = candidate.is_flexible() && candidate.standing() != Some(Standing::Unlisted);
+        let pays_flexibility = candidate.is_flexible() && candidate.consequence() != Some(Consequence::Unlisted);
         let price = if pays_flexibility { price + FLEXIBLE } else { price };
         price + candidate.variants.ln()
     }
@@ -333,7 +333,7 @@ impl<'a> Search<'a> {
             }
             best.into_values().map(|(_, c)| c).collect::<Vec<_>>()
         };
-        let is_fault = |candidate: &Candidate| candidate.standing() == Some(Standing::Fault);
+        let is_fault = |candidate: &Candidate| candidate.consequence() == Some(Consequence::Fault);
         let (kinds, faults) = (best_of_each(&|candidate| !candidate.is_pattern()), best_of_each(&is_fault));
         let with = |f: usize| kinds.iter().map(move |&c| (c, [set, &[f, c]].concat())).collect::<Vec<_>>();
         faults.into_iter().flat_map(with).collect()

@@ -6,7 +6,7 @@ use super::engine::{Engine, stacked};
 use super::found::{Elsewhere, LeavingOut, Linearised, Refused};
 use super::moments::Moments;
 use super::noise;
-use super::pattern::Standing;
+use super::pattern::Consequence;
 use super::score::posterior;
 use super::search::Search;
 use nalgebra::DVector;
@@ -77,7 +77,7 @@ impl Engine {
             let own = self.chosen.iter().map(|&c| &self.candidates[c]).find(|own| own.columns().contains(&column));
             match own {
                 Some(effect) if !effect.is_pattern() => Explained::Effect,
-                Some(pattern) if pattern.standing() == Some(Standing::Unlisted) => Explained::Unlisted,
+                Some(pattern) if pattern.consequence() == Some(Consequence::Unlisted) => Explained::Unlisted,
                 _ => Explained::Measurement,
             }
         };

@@ -18,7 +18,7 @@ use super::engine::{Engine, stacked};
 use super::found::Posterior;
 use super::moments::Moments;
 use super::noise::{self, Field, Over};
-use super::pattern::Standing;
+use super::pattern::Consequence;
 use super::score::score;
 use super::search::Search;
 use deflex_effects::Shape;
@@ -96,7 +96,8 @@ impl Engine {
     /// The members of the model of the whole arm: those of a set, without unlisted patterns and faults, and one of
     /// every other family.
     pub(super) fn members_of_whole_arm(&self, search: &Search, set: &[usize]) -> Vec<usize> {
-        let stays = |c: &usize| !matches!(self.candidates[*c].standing(), Some(Standing::Unlisted | Standing::Fault));
+        let stays =
+            |c: &usize| !matches!(self.candidates[*c].consequence(), Some(Consequence::Unlisted | Consequence::Fault));
         let mut members: Vec<usize> = set.iter().copied().filter(stays).collect();
         members.extend(self.all_others(search, &members));
         members

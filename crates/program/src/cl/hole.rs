@@ -221,10 +221,10 @@ impl Reader {
         if let Some(from) = self.modal.position.filter(|_| norm(sub(axis, axis_before)) < NO_MOVE) {
             let height = dot(sub(from, mouth), axis);
             self.cycle.initial.get_or_insert(height);
-            let aside = norm(sub(sub(from, mouth), scale(axis, height)));
-            if aside > NO_MOVE * hole.depth && height < hole.approach {
+            let across = norm(sub(sub(from, mouth), scale(axis, height)));
+            if across > NO_MOVE * hole.depth && height < hole.approach {
                 go(self, add(from, scale(axis, hole.approach - height)), rapid);
-            } else if aside > NO_MOVE * hole.depth && height > hole.approach {
+            } else if across > NO_MOVE * hole.depth && height > hole.approach {
                 go(self, at(height), rapid);
             }
         }

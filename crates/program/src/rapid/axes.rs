@@ -115,7 +115,7 @@ impl<'a> Runner<'a> {
     /// Sets the positions of the axes after a motion: 9E9 if not in use, NaN if unknown.
     pub(super) fn axes_go_to(&mut self, external: &External, without_offset: bool) {
         // Code that runs at any other moment may move them, too.
-        let alone = self.mode == Mode::Real && self.symbols.known.aside.is_empty();
+        let alone = self.mode == Mode::Real && self.symbols.known.unfollowed.is_empty();
         let offset = if without_offset { Some([0.0; EXTERNAL_AXES]) } else { self.state.modal.axes.offset };
         for axis in 0..EXTERNAL_AXES {
             let position = &mut self.state.modal.axes.positions[axis];

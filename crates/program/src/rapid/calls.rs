@@ -117,7 +117,7 @@ impl<'a> Runner<'a> {
             self.state = again;
             self.touch();
             self.run_handler();
-            if let Some(normal) = self.aside(|this| this.call(id, bound, first))?.normal {
+            if let Some(normal) = self.record_uses_alone(|this| this.call(id, bound, first))?.normal {
                 self.add_state(&mut joined, normal);
             }
         }
@@ -274,7 +274,7 @@ impl<'a> Runner<'a> {
         );
         let place = (usize::from(scope.source), span, "rapid.undeclared");
         let by = self.frames.first().map(|frame| frame.routine);
-        let by = by.filter(|_| self.is_recording && self.reached.looking_aside);
+        let by = by.filter(|_| self.is_recording && self.reached.runs_uncalled);
         if !(self.is_real() || by.is_some()) || !self.messages.reported.insert(place) {
             return;
         }
@@ -282,7 +282,7 @@ impl<'a> Runner<'a> {
         let warning = Diagnostic::error("rapid.undeclared", "", message).at(&self.symbols.sources[place.0], span);
         let warning = warning.severity(Severity::Warning).help(help);
         match by {
-            Some(by) => self.messages.undeclared_aside.push((by, warning)),
+            Some(by) => self.messages.undeclared_in_uncalled.push((by, warning)),
             None => self.messages.report_once(warning),
         }
     }
@@ -350,7 +350,7 @@ impl<'a> Runner<'a> {
         if self.is_recording {
             let entered = match self.mode {
                 Mode::Real => &mut self.reached.entered,
-                Mode::Aside => &mut self.reached.entered_aside,
+                Mode::UsesAlone => &mut self.reached.entered_for_uses,
             };
             entered.insert(id);
         }

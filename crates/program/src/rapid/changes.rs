@@ -79,7 +79,7 @@ impl<'a> Symbols<'a> {
     pub(super) fn find_changes(&mut self) {
         let ids: Vec<RoutineId> = self.all().collect();
         let mut direct = HashMap::new();
-        let (mut aside, mut later) = (Vec::new(), Direct::default());
+        let (mut unfollowed, mut later) = (Vec::new(), Direct::default());
         for &id in &ids {
             let routine = self.routine(id);
             let mut whole = self.direct(id, &routine.body);
@@ -95,16 +95,16 @@ impl<'a> Symbols<'a> {
             match routine.kind {
                 RoutineKind::Trap => {
                     later.calls.push(Handed { callee: id, given: Vec::new() });
-                    aside.push(id);
+                    unfollowed.push(id);
                 }
-                RoutineKind::Func => aside.push(id),
+                RoutineKind::Func => unfollowed.push(id),
                 RoutineKind::Proc => {}
             }
             for found in [&whole, &handlers, &on_error] {
-                aside.extend(&found.later);
+                unfollowed.extend(&found.later);
                 later.changes.anything |= found.anything_later;
             }
-            aside.extend(handlers.calls.iter().chain(&on_error.calls).map(|call| call.callee));
+            unfollowed.extend(handlers.calls.iter().chain(&on_error.calls).map(|call| call.callee));
             later.changes.call(&handlers.changes);
             let own: Vec<Name> = handlers.changes.own.iter().cloned().collect();
             if !own.is_empty() {
@@ -145,9 +145,10 @@ impl<'a> Symbols<'a> {
             at_any_moment.call(&routines[&call.callee]);
             self.hand_back(&mut at_any_moment, &routines[&call.callee], call);
         }
-        let mut reached: BTreeSet<RoutineId> = aside.iter().copied().collect();
-        while let Some(id) = aside.pop() {
-            aside.extend(direct[&id].calls.iter().map(|call| call.callee).filter(|callee| reached.insert(*callee)));
+        let mut reached: BTreeSet<RoutineId> = unfollowed.iter().copied().collect();
+        while let Some(id) = unfollowed.pop() {
+            unfollowed
+                .extend(direct[&id].calls.iter().map(|call| call.callee).filter(|callee| reached.insert(*callee)));
         }
         let open = |at: &usize| self.variables[*at].storage != Storage::Const;
         let mut everything: BTreeSet<usize> = self.global_data().filter(open).collect();
@@ -177,7 +178,7 @@ impl<'a> Symbols<'a> {
         self.known = Known {
             routines,
             at_any_moment,
-            aside: reached,
+            unfollowed: reached,
             everything: Rc::new(everything),
             blocks: RefCell::default(),
         };

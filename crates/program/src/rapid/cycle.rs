@@ -40,7 +40,7 @@ impl Runner<'_> {
 
     /// Records that the cycle may end here.
     pub(super) fn ends_cycle(&mut self) {
-        if self.mode == Mode::Aside {
+        if self.mode == Mode::UsesAlone {
             return;
         }
         self.begun.left = self.begun.left.union(self.state.modal.differing(&ModalState::default()));

@@ -42,7 +42,7 @@ pub(super) struct Known {
     /// Changes by traps, handlers and synchronised procedures, and all data that an unknown routine could change.
     pub(super) at_any_moment: Changes,
     /// Routines whose motions may run at any moment, or in a function.
-    pub(super) aside: BTreeSet<RoutineId>,
+    pub(super) unfollowed: BTreeSet<RoutineId>,
     /// Data that a routine outside the files could change.
     pub(super) everything: Rc<BTreeSet<usize>>,
     /// By the address of a block.

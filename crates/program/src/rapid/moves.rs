@@ -102,7 +102,7 @@ impl<'a> Runner<'a> {
             (Some((Ok(circle), via)), Ok(end)) => {
                 self.point(scope, &circle, via, Target { role: Role::Via, ..target.clone() });
                 self.point(scope, &end, to, target);
-                self.use_arc_aside([&circle, &end]);
+                self.record_used_arc([&circle, &end]);
             }
             (None, Ok(end)) => self.point(scope, &end, to, target),
             (circle, end) => {
@@ -198,7 +198,7 @@ impl<'a> Runner<'a> {
         target.goal = Goal::Pose { position_mm: written.position_mm, quat: unit(written.quat), conf };
         if !self.is_real() {
             if self.is_recording {
-                self.use_aside(&target, pose);
+                self.record_use(&target, pose);
             }
             self.axes_go_to(&written.external, false);
             return self.arrive(&target, pose.root);
@@ -251,7 +251,7 @@ impl<'a> Runner<'a> {
     /// The robot arrives at a target.
     fn arrive(&mut self, target: &Target, root: Option<u32>) {
         let here = Standing::at(target, root);
-        self.step_aside(Some((target, here)));
+        self.record_step(Some((target, here)));
         self.state.stands = Stands::At(self.site(target.span));
         self.state.position = EndPosition::of(target);
         self.state.standing = BTreeSet::from([here]);

@@ -39,7 +39,7 @@ impl Runner<'_> {
         self.keep_what_is_not_run();
         self.report_traps_that_move();
         self.report_routines_that_keep_targets();
-        let runs_elsewhere = self.starts_in(elsewhere.unknown.iter().chain(&elsewhere.aside));
+        let runs_elsewhere = self.starts_in(elsewhere.unknown.iter().chain(&elsewhere.recorded));
         let layout = Layout {
             literals: Arc::new(self.numbers.literals),
             sites: self.found.sites,
@@ -100,12 +100,12 @@ impl Runner<'_> {
 
     /// Lets motions to computed offsets have their corrections by the numbers of their bases, unless other routines use these as well.
     fn correct_by_bases(&mut self) {
-        let aside: HashSet<u32> = self.reached.aside.iter().map(|other| other.root).collect();
+        let used: HashSet<u32> = self.reached.uses.iter().map(|other| other.root).collect();
         for (target, site) in self.found.targets.iter_mut().zip(&mut self.found.sites) {
             let TargetInText::Offset(at) = *site else { continue };
             let Offset { root, steps } = &self.found.offsets[at as usize];
             let is_written = usize::from(self.numbers.literals[*root as usize].source) < self.written;
-            let is_held = self.numbers.held.contains(&Number::Literal(*root)) || aside.contains(root);
+            let is_held = self.numbers.held.contains(&Number::Literal(*root)) || used.contains(root);
             if is_written && !is_held && Self::is_computed_shift(target, steps) {
                 target.editable = Editable::Pose;
                 *site = TargetInText::Literal { literal: *root, given: Given::Base };

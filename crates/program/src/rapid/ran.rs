@@ -28,7 +28,7 @@ impl Ran {
 
 /// An arc in a routine that nothing runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct ArcAside {
+pub(super) struct UsedArc {
     /// The robtargets from which its circle point and its end are made.
     pub(super) roots: [Option<u32>; 2],
     /// See [`Use::by`].

@@ -30,7 +30,7 @@ impl<'a> Runner<'a> {
     /// [`Runner::run`], with the gathered targets.
     pub(super) fn run_gathering(mut self) -> (Program, Gathering) {
         let procs = self.follow();
-        self.look_aside(&procs);
+        self.run_uncalled(&procs);
         let gathering = std::mem::replace(&mut self.gathering, Gathering::All);
         (self.finish(), gathering)
     }
@@ -105,8 +105,8 @@ impl<'a> Runner<'a> {
     }
 
     /// Runs something only for the state after it and for the data that it uses.
-    pub(super) fn aside<T>(&mut self, run: impl FnOnce(&mut Self) -> T) -> T {
-        let before = std::mem::replace(&mut self.mode, Mode::Aside);
+    pub(super) fn record_uses_alone<T>(&mut self, run: impl FnOnce(&mut Self) -> T) -> T {
+        let before = std::mem::replace(&mut self.mode, Mode::UsesAlone);
         let done = run(self);
         self.mode = before;
         done
@@ -152,7 +152,7 @@ impl<'a> Runner<'a> {
         // Reported once: everything still running ends at its next step.
         let has_ended = self.budget.has_ended();
         self.budget.end();
-        if !has_ended && !self.reached.looking_aside {
+        if !has_ended && !self.reached.runs_uncalled {
             let (targets, steps) = (self.budget.most_targets, self.budget.most_steps);
             let message = match self.gathering {
                 Gathering::All => format!("the program runs through more than {targets} targets or {steps} statements"),

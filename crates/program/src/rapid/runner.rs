@@ -3,7 +3,7 @@
 use super::gathering::Gathering;
 use super::known::RoutineId;
 use super::literal::Literal;
-use super::ran::{ArcAside, Ran, Step, Use};
+use super::ran::{Ran, Step, Use, UsedArc};
 use super::state::{Begun, ModalState, Site, Standing, State};
 use super::steps::Routines;
 use super::symbols::{Names, Symbols};
@@ -63,8 +63,8 @@ pub(super) enum Mode {
     /// The targets of the program.
     #[default]
     Real,
-    /// A routine that the program never calls: only the data that it would use are recorded.
-    Aside,
+    /// The data that a routine which the program never calls would use, and no targets.
+    UsesAlone,
 }
 
 /// The last tool or work object argument and its meaning, valid while no name can have changed.
@@ -187,16 +187,17 @@ pub(super) struct Reached {
     /// Routines that call themselves so often that they were not followed.
     pub(super) endless: BTreeSet<RoutineId>,
     /// Routines that were run only for the data that they would use.
-    pub(super) entered_aside: HashSet<RoutineId>,
-    pub(super) looking_aside: bool,
+    pub(super) entered_for_uses: HashSet<RoutineId>,
+    /// Whether a routine that nothing calls is being run.
+    pub(super) runs_uncalled: bool,
     /// Whether these runs came to no end, so that any routine may run in any way.
-    pub(super) is_aside_cut: bool,
+    pub(super) is_uncalled_cut: bool,
     /// Uses by routines that nothing runs.
-    pub(super) aside: Vec<Use>,
-    pub(super) arcs_aside: BTreeSet<ArcAside>,
-    pub(super) steps_aside: BTreeSet<Step>,
+    pub(super) uses: Vec<Use>,
+    pub(super) used_arcs: BTreeSet<UsedArc>,
+    pub(super) steps: BTreeSet<Step>,
     /// The lines and arcs of routines of the program, by the routine that nothing calls and that runs them too.
-    pub(super) called_aside: BTreeMap<RoutineId, BTreeSet<Standing>>,
+    pub(super) run_by_uncalled: BTreeMap<RoutineId, BTreeSet<Standing>>,
     /// Numbers that only routines hold that nothing runs, with these routines.
     pub(super) held_by: HashMap<Number, BTreeSet<RoutineId>>,
     /// Calls of procedures chosen at run time: the start of their names in upper case, empty if any name is possible.
@@ -282,7 +283,7 @@ pub(super) struct Messages {
     /// Diagnostics that were reported, by code.
     pub(super) reported: HashSet<(usize, Span, &'static str)>,
     /// Calls of routines in no file, by the routines that nothing runs in which they are.
-    pub(super) undeclared_aside: Vec<(RoutineId, Diagnostic)>,
+    pub(super) undeclared_in_uncalled: Vec<(RoutineId, Diagnostic)>,
     pub(super) diagnostics: Vec<Diagnostic>,
 }
 

@@ -4,7 +4,7 @@
 use super::expression::{Expression, ExpressionKind};
 use super::known::{Changes, RoutineId};
 use super::motion;
-use super::ran::{ArcAside, Step, Use, Way};
+use super::ran::{Step, Use, UsedArc, Way};
 use super::runner::{Mode, Numbers, Reached, Runner};
 use super::state::{ModalState, OnOff, Place, Standing, Stands};
 use super::symbols::Upper;
@@ -20,8 +20,8 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 pub(super) struct RunsElsewhere {
     /// Traps, functions, handlers' and synchronised procedures and endless ones, with all that they call. They run in a state that is not known.
     pub(super) unknown: BTreeSet<RoutineId>,
-    /// The others: those that an operator may start, and those that run again after an error, with all that they call. What they use was noted.
-    pub(super) aside: BTreeSet<RoutineId>,
+    /// The others: those that an operator may start, and those that run again after an error, with all that they call. What they use is recorded.
+    pub(super) recorded: BTreeSet<RoutineId>,
 }
 
 impl Way {
@@ -32,9 +32,9 @@ impl Way {
 }
 
 impl<'a> Runner<'a> {
-    /// Notes the numbers that a motion without a target in the result uses.
-    pub(super) fn use_aside(&mut self, target: &Target, pose: &Pose) {
-        let Some(root) = pose.root.filter(|_| self.mode == Mode::Aside) else { return };
+    /// Records the numbers that a motion without a target in the result uses.
+    pub(super) fn record_use(&mut self, target: &Target, pose: &Pose) {
+        let Some(root) = pose.root.filter(|_| self.mode == Mode::UsesAlone) else { return };
         let offset = pose.steps.last().and_then(OffsetStep::place);
         // When this motion runs, other units or axis offsets may be active.
         let on_axes = axes_in_use(&pose.written.external);
@@ -57,8 +57,8 @@ impl<'a> Runner<'a> {
         let (way, statement) = (Way::of(target), (target.source, target.span.start));
         let has_conf = self.state.modal.nearest == OnOff::Off && pose.written.conf.is_some();
         let is_free = is_free(target) && has_conf;
-        let by = self.started_aside();
-        self.reached.aside.push(Use {
+        let by = self.running_uncalled();
+        self.reached.uses.push(Use {
             statement,
             root,
             offset,
@@ -69,17 +69,17 @@ impl<'a> Runner<'a> {
         });
     }
 
-    /// Notes an arc without targets in the result.
-    pub(super) fn use_arc_aside(&mut self, points: [&Pose; 2]) {
-        if self.is_recording && self.mode == Mode::Aside {
-            let (roots, by) = (points.map(|point| point.root), self.started_aside());
-            self.reached.arcs_aside.insert(ArcAside { roots, by });
+    /// Records an arc without targets in the result.
+    pub(super) fn record_used_arc(&mut self, points: [&Pose; 2]) {
+        if self.is_recording && self.mode == Mode::UsesAlone {
+            let (roots, by) = (points.map(|point| point.root), self.running_uncalled());
+            self.reached.used_arcs.insert(UsedArc { roots, by });
         }
     }
 
-    /// Notes the step of a routine that an operator starts to its next motion, or to its end.
-    pub(super) fn step_aside(&mut self, next: Option<(&Target, Standing)>) {
-        if !self.reached.looking_aside || !self.is_recording || self.mode != Mode::Aside {
+    /// Records the step of a routine that an operator starts to its next motion, or to its end.
+    pub(super) fn record_step(&mut self, next: Option<(&Target, Standing)>) {
+        if !self.reached.runs_uncalled || !self.is_recording || self.mode != Mode::UsesAlone {
             return;
         }
         let to = next.map(|(_, here)| here);
@@ -88,33 +88,33 @@ impl<'a> Runner<'a> {
         if self.state.stands != Stands::Start {
             let from =
                 self.state.standing.iter().map(|from| Step { from: Some(*from), to: to.filter(|_| known), cuts });
-            self.reached.steps_aside.extend(from);
+            self.reached.steps.extend(from);
         }
         if !known || self.state.standing.is_empty() {
-            self.reached.steps_aside.insert(Step { from: None, to, cuts });
+            self.reached.steps.insert(Step { from: None, to, cuts });
         }
-        if let (Some((target, here)), Some(by)) = (next, self.started_aside())
+        if let (Some((target, here)), Some(by)) = (next, self.running_uncalled())
             && self.reached.ran.has(usize::from(target.source), target.span.start)
             && target.is_end()
             && Way::of(target).cuts
         {
-            self.reached.called_aside.entry(by).or_default().insert(here);
+            self.reached.run_by_uncalled.entry(by).or_default().insert(here);
         }
     }
 
     /// The routine that an operator started, while it runs.
-    fn started_aside(&self) -> Option<RoutineId> {
-        self.frames.first().map(|frame| frame.routine).filter(|_| self.reached.looking_aside)
+    fn running_uncalled(&self) -> Option<RoutineId> {
+        self.frames.first().map(|frame| frame.routine).filter(|_| self.reached.runs_uncalled)
     }
 
-    /// Runs the routines that nothing in the files calls, because an operator may run them by hand, and notes the data that they use.
-    pub(super) fn look_aside(&mut self, procs: &[RoutineId]) {
+    /// Runs the routines that nothing in the files calls, because an operator may run them by hand, and records the data that they use.
+    pub(super) fn run_uncalled(&mut self, procs: &[RoutineId]) {
         let waits = |id: &&RoutineId| !self.reached.entered.contains(*id) || self.may_be_called_late(**id);
         let waiting: Vec<RoutineId> = procs.iter().filter(waits).copied().collect();
         if waiting.is_empty() || self.budget.is_spent() {
             return;
         }
-        self.reached.looking_aside = true;
+        self.reached.runs_uncalled = true;
         self.budget.steps = 0;
         let roots: HashSet<RoutineId> = self.uncalled(&waiting).into_iter().collect();
         let first = waiting.iter().filter(|id| roots.contains(*id));
@@ -123,23 +123,23 @@ impl<'a> Runner<'a> {
         let changes = self.changed_by_what_runs();
         let left = std::mem::take(&mut self.state);
         for id in order {
-            if !self.may_be_called_late(id) && self.reached.entered_aside.contains(&id) {
+            if !self.may_be_called_late(id) && self.reached.entered_for_uses.contains(&id) {
                 continue;
             }
             // As `main`, it does not begin with what another one left that an operator started.
             self.state = left.clone();
             self.forget_at_any_moment(&changes);
             let before = self.numbers.held();
-            self.aside(|this| {
+            self.record_uses_alone(|this| {
                 this.start(id);
-                this.step_aside(None);
+                this.record_step(None);
             });
             let own = self.numbers.held_again(before);
             own.into_iter().for_each(|number| self.reached.hold(number, id));
         }
         self.state = left;
-        self.reached.is_aside_cut = self.budget.is_spent();
-        self.reached.looking_aside = false;
+        self.reached.is_uncalled_cut = self.budget.is_spent();
+        self.reached.runs_uncalled = false;
     }
 
     /// Sets the state for a routine called at an unknown moment: everything that some routine changes is unknown.
@@ -155,7 +155,7 @@ impl<'a> Runner<'a> {
             let is_followed = entered.contains(id) || endless.contains(id);
             // Other files may run what they have.
             is_followed
-                || self.symbols.known.aside.contains(id)
+                || self.symbols.known.unfollowed.contains(id)
                 || self.may_be_called_late(*id)
                 || id.file >= self.written
         })
@@ -184,16 +184,17 @@ impl<'a> Runner<'a> {
 
     /// The routines that also run at a moment, or from a caller, that the run of the program does not follow.
     pub(super) fn runs_elsewhere(&self) -> RunsElsewhere {
-        let mut unknown = self.symbols.known.aside.clone();
+        let mut unknown = self.symbols.known.unfollowed.clone();
         unknown.extend(self.reached_from(self.reached.endless.clone()));
         // What a context file has, and does not belong to the program, is not followed.
-        let is_followed = |id: &RoutineId| self.reached.entered.contains(id) || self.reached.entered_aside.contains(id);
+        let is_followed =
+            |id: &RoutineId| self.reached.entered.contains(id) || self.reached.entered_for_uses.contains(id);
         unknown.extend(self.symbols.all().filter(|id| id.file >= self.written && !is_followed(id)));
-        if self.reached.is_aside_cut {
+        if self.reached.is_uncalled_cut {
             unknown.extend(self.symbols.all());
         }
-        let aside = self.reached.entered_aside.iter().filter(|id| !unknown.contains(*id)).copied().collect();
-        RunsElsewhere { unknown, aside }
+        let recorded = self.reached.entered_for_uses.iter().filter(|id| !unknown.contains(*id)).copied().collect();
+        RunsElsewhere { unknown, recorded }
     }
 
     /// Forbids edits of all numbers that are used in handlers, and in routines whose other runs are unknown.
@@ -355,7 +356,7 @@ impl<'a> Runner<'a> {
     /// Forbids edits of numbers that a routine that nothing runs uses in other frames than the program, for a cut of its own, at another
     /// position, or as the end of a motion where the program has a circle point.
     pub(super) fn hold_what_is_used_otherwise(&mut self) {
-        if self.reached.aside.is_empty() {
+        if self.reached.uses.is_empty() {
             return;
         }
         let mut ways: HashMap<u32, Vec<Way>> = HashMap::new();
@@ -368,8 +369,8 @@ impl<'a> Runner<'a> {
                 add(arrivals.entry(place).or_default(), Arrival { at: position_mm.map(f64::to_bits), is_free });
             }
         }
-        let aside = std::mem::take(&mut self.reached.aside);
-        for other in &aside {
+        let uses = std::mem::take(&mut self.reached.uses);
+        for other in &uses {
             let own = Arrival { at: other.position_mm.map(f64::to_bits), is_free: other.is_free };
             let arrivals = other.offset.and_then(|place| arrivals.get(&place));
             let differs = arrivals.is_some_and(|all| all.iter().any(|one| *one != own));
@@ -394,7 +395,7 @@ impl<'a> Runner<'a> {
             }
             self.hold_by(before, other.by);
         }
-        self.reached.aside = aside;
+        self.reached.uses = uses;
     }
 
     /// Forbids edits of the points of an arc in a routine that nothing runs, unless the program has an arc with the same points: a part of its
@@ -404,7 +405,7 @@ impl<'a> Runner<'a> {
         let is_via = |i: &usize| self.found.targets[*i].role == Role::Via;
         let arcs: HashSet<[Option<u32>; 2]> =
             (1..self.found.targets.len()).map(|i| i - 1).filter(is_via).map(|via| [root(via), root(via + 1)]).collect();
-        for arc in std::mem::take(&mut self.reached.arcs_aside) {
+        for arc in std::mem::take(&mut self.reached.used_arcs) {
             if !arcs.contains(&arc.roots) {
                 let before = self.numbers.held();
                 self.numbers.held.extend(arc.roots.into_iter().flatten().map(Number::Literal));
@@ -425,7 +426,7 @@ impl<'a> Runner<'a> {
     /// after it: a displacement because of its neighbours would be wrong there. If it cuts there with a feed from another place, the start of
     /// the program's own segment counts as unknown: a force that depends on the feed has no single correction.
     pub(super) fn bind_what_steps_otherwise(&mut self) {
-        if self.reached.steps_aside.is_empty() {
+        if self.reached.steps.is_empty() {
             return;
         }
         let targets = &self.found.targets;
@@ -440,7 +441,7 @@ impl<'a> Runner<'a> {
         let feeds: HashSet<[Place; 2]> = steps.iter().map(|step| step.map(|end| end.place)).collect();
         let steps: HashSet<[Standing; 2]> = steps.into_iter().collect();
         let (mut fed_otherwise, mut fed_places) = (HashSet::new(), HashSet::new());
-        for Step { from, to, cuts } in std::mem::take(&mut self.reached.steps_aside) {
+        for Step { from, to, cuts } in std::mem::take(&mut self.reached.steps) {
             let step = from.zip(to).map(<[Standing; 2]>::from);
             if step.is_some_and(|step| steps.contains(&step)) {
                 continue;
@@ -509,9 +510,9 @@ impl<'a> Runner<'a> {
             let note = Diagnostic::error("rapid.uncalled", "", message)
                 .at(&self.symbols.sources[id.file], self.symbols.routine(id).name);
             self.messages.diagnostics.push(note.severity(Severity::Note).help(help));
-            let unknown = std::mem::take(&mut self.messages.undeclared_aside);
+            let unknown = std::mem::take(&mut self.messages.undeclared_in_uncalled);
             let (own, others) = unknown.into_iter().partition(|(by, _)| *by == id);
-            self.messages.undeclared_aside = others;
+            self.messages.undeclared_in_uncalled = others;
             own.into_iter().for_each(|(_, undeclared)| self.messages.report_once(undeclared));
         }
     }
@@ -565,7 +566,7 @@ impl<'a> Runner<'a> {
     /// Names the routines that nothing calls and that run routines of the program with targets of their own.
     fn report_routines_that_run_others(&mut self) {
         let roots: HashSet<u32> = self.found.sites.iter().filter_map(|site| self.found.root(site)).collect();
-        for (id, mut motions_of) in std::mem::take(&mut self.reached.called_aside) {
+        for (id, mut motions_of) in std::mem::take(&mut self.reached.run_by_uncalled) {
             motions_of.retain(|motion| motion.root.is_some_and(|root| !roots.contains(&root)));
             if id.file >= self.written || motions_of.is_empty() {
                 continue;
@@ -588,7 +589,7 @@ impl<'a> Runner<'a> {
         let open = targets.iter().zip(sites).filter(|(target, _)| target.editable == Editable::Pose);
         let open: HashSet<u32> = open.filter_map(|(_, site)| self.found.root(site)).collect();
         let moves = |other: &&Use| other.offset.is_none() && open.contains(&other.root);
-        let (moving, staying): (Vec<&Use>, Vec<&Use>) = self.reached.aside.iter().partition(moves);
+        let (moving, staying): (Vec<&Use>, Vec<&Use>) = self.reached.uses.iter().partition(moves);
         let [mut moving, staying] =
             [moving, staying].map(|uses| uses.iter().map(|other| other.statement).collect::<HashSet<_>>());
         moving.retain(|statement| !staying.contains(statement));
