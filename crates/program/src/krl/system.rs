@@ -74,7 +74,7 @@ pub(super) fn system(name: &[u8]) -> Option<System> {
     DATA.iter().find(|(known, _)| known.as_bytes() == name).map(|(_, data)| System::Data(data))
 }
 
-/// What a routine may change that a program calls by a name of the system.
+/// What the call of a routine of this name may change.
 pub(crate) enum Called {
     Nothing,
     Data(&'static [&'static str]),

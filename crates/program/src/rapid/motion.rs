@@ -15,7 +15,7 @@ pub(super) struct Shape {
     pub(super) zone: Zone,
     /// The instruction only moves: no signal, trigger, search, or procedure during the motion that could fail.
     pub(super) plain: bool,
-    /// Whether nothing happens on the way that depends on where the motion begins: a signal at its end does not.
+    /// Whether nothing happens on the way that depends on where the motion begins. A signal at its end does not depend on it.
     pub(super) is_only_motion: bool,
 }
 
